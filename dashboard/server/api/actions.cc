@@ -127,7 +127,7 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
 // Its collector does it: it answers on the bus.
 Result<ActionCommand> Control(Context& context, const std::string& action, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const std::string name, BusNameOfCampaign(context, TextOf(body, "campaign")));
-  ActionCommand command{{"campaign", action, name}, Weight::kLight};
+  ActionCommand command{{"campaign", action, name}, Weight::kBrief};
   command.AddFlags(context.bus_flags(security::Role::kGateway));
   return command;
 }
@@ -141,7 +141,7 @@ Result<ActionCommand> Promote(Context& context, const OrderedJson& body) {
 Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
   if (context.domain < 0) return Fail(Code::kInvalidArgument, "serve: this gateway is on no bus (--no-bus)");
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
-  ActionCommand command{{"policy"}, Weight::kLight};
+  ActionCommand command{{"policy"}, Weight::kLasting};
   const auto live = context.live();
   const auto* const heard = LiveOf(*live, *run.view);
   if (TextOf(body, "file").empty() && heard && heard->present) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 #include "dashboard/server/sources/files.h"
 #include "services/core/log.h"
@@ -231,13 +232,18 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
   RunState state;
   if (view) FromFiles(*view, state);
   state.live = heard && heard->present && live::AgeMs(heard->heard) < kSilent_ms;
-  if (heard && heard->status) FromBus(*heard->status, state);
+  const auto* end = view && view->metrics.end() ? &*view->metrics.end() : nullptr;
+  // its files say how it ended the last time until it writes again
+  const bool again = end && end->t && state.live && static_cast<double>(heard->presence.since) >= std::floor(*end->t);
+  if (again) end = nullptr;
+  if (heard && heard->status && (state.live || !end)) FromBus(*heard->status, state);
   if (state.live) state.updated = WallSeconds();
   state.begun = BegunOf(view ? view->since : 0, heard ? &heard->presence : nullptr);
   state.stages = std::max(state.stages, state.stage);
-  const auto* end = view && view->metrics.end() ? &*view->metrics.end() : nullptr;
   if (end)
     state.state = end->cause;
+  else if (again && !(heard->status && heard->status->finished))
+    state.state = "running";  // for more steps than config.yaml says yet, perhaps
   else if ((heard && heard->status && heard->status->finished) || (state.steps && state.step >= *state.steps))
     state.state = "finished";
   else

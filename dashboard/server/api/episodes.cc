@@ -166,6 +166,8 @@ Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& reques
 
 // ---- tracks -------------------------------------------------------------------------------------
 
+constexpr int kMostPoints = 100'000;  // an episode's longest (rollout.max_steps)
+
 struct PictureWindow {
   int from = 0, to = 0, points = 4000;
   int rows() const { return to - from; }
@@ -224,7 +226,7 @@ Result<http::Answer> TracksAnswer(Context& context, const http::Request& request
   PictureWindow window;
   ETUDE_ASSIGN_OR_RETURN(const auto from, request.query.Integer("from", 0, 0, steps));
   ETUDE_ASSIGN_OR_RETURN(const auto to, request.query.Integer("to", steps, 0, 100'000'000));
-  ETUDE_ASSIGN_OR_RETURN(const auto points, request.query.Integer("points", 4000, 2, 4000));
+  ETUDE_ASSIGN_OR_RETURN(const auto points, request.query.Integer("points", 4000, 2, kMostPoints));
   window.from = static_cast<int>(from);
   window.to = static_cast<int>(std::clamp<std::int64_t>(to, from, steps));
   window.points = static_cast<int>(points);

@@ -7,6 +7,7 @@
 
 #include "dashboard/server/api/context.h"
 #include "services/campaign/eval_comparison.h"
+#include "services/core/identity.h"
 
 namespace etude::api {
 namespace {
@@ -43,25 +44,29 @@ OrderedJson CheckpointJson(const sources::EvalView& view) {
   return {{"step", Maybe(step)}, {"sha256", TextOrNull(sha256)}, {"file", TextOrNull(TextOf(policy, "file"))}};
 }
 
+constexpr std::size_t kMostRuns = 1000;  // whose id is looked at
+constexpr std::size_t kMostLooked = 40;  // of which checkpoints are
+
 // The run below the folders of which a checkpoint was evaluated: by its id, its hash, or its name.
 std::string RunOf(Context& context, const OrderedJson& report, const OrderedJson& checkpoint) {
   const std::string run_id = TextOf(PartOf(report, "policy"), "run_id");
   const std::string hash = TextOf(checkpoint, "sha256");
   const std::string name = TextOf(PartOf(report, "policy"), "run", TextOf(report, "run"));
+  const auto all = context.sources.catalog().NewestOf(sources::Kind::kRun, kMostRuns).found;
+  if (!run_id.empty())
+    for (const auto& found : all)
+      if (const auto identity = ReadIdentity(found.folder); identity && identity->id == run_id) return found.id;
   std::string by_name;
-  std::size_t looked = 0;
-  for (const auto& found : *context.sources.catalog().List()) {
-    if (found.kind != sources::Kind::kRun || ++looked > 40) continue;
-    const auto source = context.sources.Run(found.id);
+  for (std::size_t i = 0; i < std::min(all.size(), kMostLooked); ++i) {
+    const auto source = context.sources.Run(all[i].id);
     if (!source) continue;
     const auto view = (*source)->View();
     if (!view) continue;
-    if (!run_id.empty() && (*view)->identity == run_id) return found.id;
     for (const auto& header : (*view)->checkpoints)
-      if (!hash.empty() && header.sha256.starts_with(hash)) return found.id;
-    if (found.name == name) by_name = found.id;
+      if (!hash.empty() && header.sha256.starts_with(hash)) return all[i].id;
+    if (by_name.empty() && all[i].name == name) by_name = all[i].id;
   }
-  return by_name;
+  return run_id.empty() ? by_name : "";  // one that has an id and is not here is none of the same name
 }
 
 OrderedJson ModulesWithErrors(const OrderedJson& overall) {

@@ -26,7 +26,7 @@ using sources::Kind;
 using sources::PartOf;
 using sources::TimeJson;
 
-constexpr std::size_t kMostSources = 100;
+constexpr std::size_t kMostSources = 200;
 
 OrderedJson SourceJson(const std::string& kind, const Found& found, const std::string& name, const std::string& state,
                        double updated, bool live) {

@@ -8,6 +8,7 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 
 #include "dashboard/server/sources/files.h"
 #include "services/core/clock.h"
@@ -17,7 +18,7 @@
 namespace etude::api {
 namespace {
 
-constexpr std::size_t kAtOnce = 4, kKept = 50, kLogLines = 200;
+constexpr std::size_t kAtOnce = 4, kLasting = 8, kKept = 50, kLogLines = 200;
 constexpr std::streamoff kLogTail = 64 * 1024;
 constexpr std::uintmax_t kMostLogBytes = 4 << 20;
 constexpr std::chrono::seconds kPatience{5};
@@ -72,11 +73,18 @@ std::string CommandText(const std::vector<std::string>& arguments) {
 Result<std::string> Jobs::Add(const Request& request) {
   MutexLock lock(mutex_);
   if (const Job* same = Same(request.once)) return same->id;
-  const auto running = [](const Job& job) { return job.running(); };
-  if (static_cast<std::size_t>(std::ranges::count_if(jobs_, running)) >= kAtOnce)
-    return Fail(Code::kUnavailable, fmt::format("{} jobs are at work; wait for one to end, or stop it", kAtOnce));
-  if (request.weight == Weight::kHeavy &&
-      std::ranges::any_of(jobs_, [](const Job& job) { return job.running() && job.weight == Weight::kHeavy; }))
+  const auto running = [&](std::initializer_list<Weight> weights) {
+    return static_cast<std::size_t>(std::ranges::count_if(jobs_, [&](const Job& job) {
+      return job.running() && std::ranges::find(weights, job.weight) != weights.end();
+    }));
+  };
+  const bool lasting = request.weight == Weight::kLasting;
+  const std::size_t most = lasting ? kLasting : kAtOnce;
+  const std::size_t there = lasting ? running({Weight::kLasting}) : running({Weight::kLight, Weight::kHeavy});
+  if (request.weight != Weight::kBrief && there >= most)
+    return Fail(Code::kUnavailable, fmt::format("{} jobs are at work; {} (page Fleet, Jobs)", most,
+                                                lasting ? "stop one" : "wait for one to end, or stop it"));
+  if (request.weight == Weight::kHeavy && running({Weight::kHeavy}) > 0)
     return Fail(Code::kUnavailable, "a job of this kind is at work: one at a time; wait for it to end, or stop it");
   Job job;
   job.id = NewId();

@@ -16,8 +16,9 @@
 
 namespace etude::api {
 
-/// Whether two of it may run at once.
-enum class Weight : std::uint8_t { kLight, kHeavy };
+/// How many of it may run at once: heavy ones one, light and heavy ones four together, lasting ones (servers, play
+/// sessions) eight of their own, brief ones (words to a collector) any number.
+enum class Weight : std::uint8_t { kBrief, kLight, kHeavy, kLasting };
 
 /// Thread-safe, but its thread-bound children need Start, Poll and the end on one thread that lives as long as the
 /// gateway: see Pump.
@@ -36,7 +37,7 @@ class Jobs {
     std::function<void(bool well)> finish = nullptr;
   };
   /// Waits for the next Pump. @returns its id, or that of the one that runs (`once`), and then never calls finish.
-  /// @error kUnavailable: four are at work, or a heavy one is
+  /// @error kUnavailable: as many as may are at work (Weight)
   Result<std::string> Add(const Request& request);
   /// The one that runs. nullopt: none
   std::optional<std::string> Running(const std::string& once) const;

@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t kMostSubscriptions = 16;  // of a browser
 constexpr std::size_t kMostSnapshots = 200;
 constexpr double kLeastHz = 0.2;
+constexpr std::size_t kMostId = 2000;  // bytes: a channel and what it is asked for, names of hosts and texts among it
 
 struct Channel {
   const char* name;
@@ -119,7 +120,7 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
   void Subscribe(const std::string& name, const std::string& id, const OrderedJson& message) {
     const Channel* channel = FindChannel(name);
     if (!channel) return Complain(name, id, "there is no such channel");
-    if (id.size() > 100) return Complain(name, "", "id: too long");
+    if (id.size() > kMostId) return Complain(name, id.substr(0, 100), "id: too long");
     Subscription item;
     item.id = id;
     item.channel = name;

@@ -2,8 +2,10 @@
 #include "dashboard/server/api/overview.h"
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <tuple>
+#include <utility>
 
 namespace etude::api {
 namespace {
@@ -25,9 +27,15 @@ void GatherOne(const Found& found, const Result<Opened>& opened, StateOfView&& s
 
 void GatherFiles(Context& context, Overview& all) {
   const auto of_bus = [&](const auto& view) { return StateOf(&view, LiveOf(*all.live, view)); };
-  for (const Kind kind : {Kind::kDataset, Kind::kRun, Kind::kEval}) {
-    const auto newest = context.sources.catalog().NewestOf(kind, kMostLooked);
-    all.more[kind] = newest.more;
+  using Role = sources::Catalog::Role;
+  // many evaluations, each with its rollouts, do not take the place of what was collected
+  constexpr std::array<std::pair<Kind, Role>, 4> kLooked{{{Kind::kDataset, Role::kDemonstrations},
+                                                          {Kind::kDataset, Role::kRollouts},
+                                                          {Kind::kRun, Role::kAny},
+                                                          {Kind::kEval, Role::kAny}}};
+  for (const auto& [kind, role] : kLooked) {
+    const auto newest = context.sources.catalog().NewestOf(kind, kMostLooked, role);
+    all.more[kind] += newest.more;
     for (const auto& found : newest.found) {
       if (kind == Kind::kDataset)
         GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);

@@ -29,7 +29,9 @@ void WarnOfCampaigns(const Overview& all, OrderedJson& warnings) {
     if (!campaign.status->error.empty())
       warnings.push_back(
           Warning("campaign_error", name + ": " + campaign.status->error, GenerationLink(all, id, campaign)));
-    if (!finished && campaign.status->workers > 0 && live::AgeMs(campaign.changed) > kNoCommit_ms)
+    const auto& said = campaign.status->state;
+    const bool held = said == "paused" || said == "draining" || said == "stopping";
+    if (!finished && !held && campaign.status->workers > 0 && live::AgeMs(campaign.changed) > kNoCommit_ms)
       warnings.push_back(Warning("no_commits",
                                  fmt::format("{}: no commit for {} s with {} workers", name,
                                              live::AgeMs(campaign.changed) / 1000, campaign.status->workers),

@@ -140,7 +140,7 @@ Result<http::Answer> OpenSession(Context& context, const http::Request& request)
   words.insert(words.end(), arguments.begin(), arguments.end());
   const std::string command = CommandText(words);
   if (dry_run) return http::JsonAnswer({{"command", command}});
-  ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));
+  ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLasting}));
   return http::JsonAnswer({{"session", session}, {"job", job}, {"command", command}}, 202);
 }
 

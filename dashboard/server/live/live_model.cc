@@ -128,7 +128,8 @@ void LiveModel::TellSilences(TimePoint now) {
 void LiveModel::On(const std::string& id, const bus::CampaignStatus& status, TimePoint now) {
   auto& campaign = view_.campaigns[id];
   campaign.heard = now;
-  if (!campaign.status || status.committed != campaign.committed) {
+  const bool goes_on = campaign.status && campaign.status->state != status.state;  // and its time begins anew
+  if (!campaign.status || status.committed != campaign.committed || goes_on) {
     campaign.committed = status.committed;
     campaign.changed = now;
   }

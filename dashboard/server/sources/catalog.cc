@@ -67,9 +67,8 @@ class Search {
   Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs, const Path& left_out)
       : found_(found), logs_(logs), left_out_(left_out) {}
 
-  void Root(const Path& root) {
-    const std::string name =
-        root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
+  /// @param name  what people call it; another than the other roots have
+  void Root(const Path& root, const std::string& name) {
     std::deque<Step> open{{root, name, "", 0}};
     std::size_t entries = 0;
     while (!open.empty() && entries < kMostEntries && found_.size() < kMostFound) {
@@ -114,7 +113,10 @@ class Search {
       if (it->is_directory(ignored)) {
         if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
       } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
-        logs_.push_back({IdOf(step.shown + "/" + name), step.folder, name});
+        const std::string wanted = IdOf(step.shown + "/" + name);
+        std::string id = wanted;
+        for (int n = 2; !log_ids_.insert(id).second; ++n) id = fmt::format("{}-{}", wanted, n);
+        logs_.push_back({std::move(id), step.folder, name});
       }
     }
     std::ranges::sort(folders);
@@ -129,7 +131,21 @@ class Search {
   std::vector<Catalog::LogFile>& logs_;
   const Path& left_out_;
   std::set<std::pair<Kind, std::string>> ids_;
+  std::set<std::string> log_ids_;
 };
+
+// Of each root its own, by which its folders keep their ids whatever comes to the others: "out", "out-2".
+std::vector<std::string> NamesOf(const std::vector<Path>& roots) {
+  std::vector<std::string> names;
+  for (const auto& root : roots) {
+    const std::string wanted =
+        root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
+    std::string name = wanted;
+    for (int n = 2; std::ranges::find(names, name) != names.end(); ++n) name = fmt::format("{}-{}", wanted, n);
+    names.push_back(std::move(name));
+  }
+  return names;
+}
 
 std::vector<Path> Canonical(const std::vector<Path>& roots) {
   std::vector<Path> canonical;
@@ -173,7 +189,8 @@ void Catalog::Scan() {
   auto found = std::make_shared<std::vector<Found>>();
   auto logs = std::make_shared<std::vector<LogFile>>();
   Search search(*found, *logs, left_out_);
-  for (const auto& root : roots_) search.Root(root);
+  const auto names = NamesOf(roots_);
+  for (std::size_t i = 0; i < roots_.size(); ++i) search.Root(roots_[i], names[i]);
   std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
   found_ = std::move(found);
   logs_ = std::move(logs);
@@ -186,11 +203,12 @@ std::shared_ptr<const std::vector<Found>> Catalog::List() {
   return found_;
 }
 
-Catalog::Newest Catalog::NewestOf(Kind kind, std::size_t most, bool rollouts) {
+Catalog::Newest Catalog::NewestOf(Kind kind, std::size_t most, Role role) {
   const auto all = List();
   Newest newest;
   for (const auto& item : *all)
-    if (item.kind == kind && (rollouts || item.eval.empty())) newest.found.push_back(item);
+    if (item.kind == kind && (role == Role::kAny || (role == Role::kDemonstrations) == item.eval.empty()))
+      newest.found.push_back(item);
   std::ranges::stable_sort(newest.found, std::greater<>(), &Found::changed);
   if (newest.found.size() > most) {
     newest.more = newest.found.size() - most;

@@ -3,6 +3,7 @@
 // name in a request is looked up here and never joined into a path.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,8 +42,9 @@ class Catalog {
     std::vector<Found> found;
     std::size_t more = 0;  ///< that are left out
   };
-  /// @param rollouts  also datasets of rollouts
-  Newest NewestOf(Kind kind, std::size_t most, bool rollouts = true);
+  /// Which datasets: those of demonstrations, of an evaluation's rollouts, or both.
+  enum class Role : std::uint8_t { kAny, kDemonstrations, kRollouts };
+  Newest NewestOf(Kind kind, std::size_t most, Role role = Role::kAny);
   /// @error kNotFound: names what there is
   Result<Found> Find(Kind kind, const std::string& id);
   const std::vector<Path>& roots() const { return roots_; }

@@ -53,6 +53,7 @@ std::vector<std::string> VideosIn(const Path& folder) {
 Result<std::shared_ptr<const EvalView>> EvalSource::View() {
   MutexLock lock(mutex_);
   if (view_ && MonotonicClock::now() - refreshed_ < kEvalRefreshEvery) return view_;
+  bool changed = !view_;
   if (const auto stamp = StampOf(found_.folder / "eval.json"); stamp != report_stamp_) {
     OrderedJson report = OrderedJson::object();
     if (stamp.exists()) {
@@ -64,9 +65,11 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
     }
     now_.report = std::move(report);
     report_stamp_ = stamp;
+    changed = true;
   }
-  lines_.Refresh([&] { streamed_.clear(); },
+  lines_.Refresh([&] { streamed_.clear(), changed = true; },
                  [&](const OrderedJson& row) {
+                   changed = true;
                    if (streamed_.size() < kMostRollouts) streamed_.push_back(row);
                  });
   const Path spec_file = found_.folder / "rollouts" / "dataset.json";
@@ -75,9 +78,17 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
     if (const auto text = ReadTextFile(spec_file, kEvalJsonBytes))
       if (const auto json = ParseBoundedJson(*text)) now_.spec = PartOf(*json, "spec");
     spec_stamp_ = stamp;
+    changed = true;
+  }
+  if (auto videos = VideosIn(found_.folder / "videos"); videos != now_.videos) {
+    now_.videos = std::move(videos);
+    changed = true;
+  }
+  if (!changed) {
+    refreshed_ = MonotonicClock::now();
+    return view_;
   }
   now_.rows = Merged(now_.report, streamed_);
-  now_.videos = VideosIn(found_.folder / "videos");
   now_.updated = std::max(report_stamp_.modified_s(), lines_.stamp().modified_s());
   refreshed_ = MonotonicClock::now();
   view_ = std::make_shared<const EvalView>(now_);

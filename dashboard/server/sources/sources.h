@@ -57,7 +57,7 @@ class Sources {
     return result;
   }
 
-  static constexpr std::size_t kMost = 64;
+  static constexpr std::size_t kMost = 256;  // more than pages and scrapes look at all the time
   Catalog catalog_;
   const Replays replays_;
   Mutex mutex_;

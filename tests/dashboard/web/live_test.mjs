@@ -478,7 +478,7 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
     assert.equal(await page.getByRole('button', { name: 'Open the same scene again' }).isEnabled(), true);
     assert.equal(new URL(page.url()).searchParams.get('sentence'), 'xylophone');
     await open('/play?session=play-gone&index=3&seed=18446744073709551615', async (other) => {
-      await other.waitForSelector('[data-ended="play-gone"]');
+      await other.waitForSelector('[data-ended="play-gone"]', { timeout: 40000 });
       assert.equal(await other.getByLabel('Number').inputValue(), '3');
       assert.equal(await other.getByLabel('Seed').inputValue(), '18446744073709551615');
       await other.waitForFunction(() => /worker play .*--index 3 --seed 18446744073709551615/.test(document.querySelector('.command code')?.textContent ?? ''), undefined, { timeout: 10000 });

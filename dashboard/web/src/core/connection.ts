@@ -107,10 +107,10 @@ function receive(message: Message): void {
   for (const listener of one.listeners) listener(message.data);
 }
 
-/** The newest data of a channel with these arguments, undefined until the first. */
+/** The newest data of a channel with these arguments, undefined until the first of them. */
 export function useLive<T>(ch: string | null, args: Record<string, unknown> = {}, hz = 2): T | undefined {
   const id = ch === null ? '' : key(ch, args);
-  const [data, setData] = useState<T | undefined>(() => subscriptions.get(id)?.last as T | undefined);
+  const [heardOf, hear] = useState<{ id: string; data: T | undefined }>(() => ({ id, data: subscriptions.get(id)?.last as T | undefined }));
   useEffect(() => {
     if (ch === null) return;
     let one = subscriptions.get(id);
@@ -119,7 +119,7 @@ export function useLive<T>(ch: string | null, args: Record<string, unknown> = {}
       subscriptions.set(id, one);
       send(one);
     }
-    const listener = (value: unknown) => setData(value as T);
+    const listener = (value: unknown) => hear({ id, data: value as T });
     one.listeners.add(listener);
     if (one.last !== undefined) listener(one.last);
     return () => {
@@ -129,5 +129,6 @@ export function useLive<T>(ch: string | null, args: Record<string, unknown> = {}
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ op: 'unsub', ch, id }));
     };
   }, [id]);
-  return data;
+  // what was told of other arguments is no answer to these
+  return heardOf.id === id ? heardOf.data : undefined;
 }

@@ -37,7 +37,7 @@ function Whole(props: { dataset: string; index: number; replay?: string }) {
   const base = `/datasets/${props.dataset}/episodes/${props.index}`;
   const episode = useResource<Episode>(base);
   const folder = useFolder(props.replay ? null : props.dataset);
-  const tracks = useResource<Tensors>(episode.data ? `${base}/tracks?points=4000` : null, { load: async (path, signal) => readSafetensors(await getBytes(path, signal)) });
+  const tracks = useResource<Tensors>(episode.data ? `${base}/tracks?points=${Math.max(4000, episode.data.steps)}` : null, { load: async (path, signal) => readSafetensors(await getBytes(path, signal)) });
   if (episode.error && !episode.data) {
     return (
       <>
@@ -50,9 +50,9 @@ function Whole(props: { dataset: string; index: number; replay?: string }) {
   return <Loaded of={episode} height={640}>{(data) => <Player key={data.index} episode={data} folder={folder} tracks={tracks.data} replay={props.replay} problem={tracks.error ? () => <Failed problem={tracks.error!} retry={tracks.reload} /> : null} />}</Loaded>;
 }
 
-/** The values of a track at each step, whether the server merged steps or not. */
+/** The values of a track at each step. */
 function track(tensors: Tensors | undefined, name: string): Float32Array | undefined {
-  return (tensors?.tensors.get(name) ?? tensors?.tensors.get(`${name}/last`))?.values as Float32Array | undefined;
+  return tensors?.tensors.get(name)?.values as Float32Array | undefined;
 }
 
 function column(values: Float32Array, columns: number, at: number, factor = 1): Float64Array {

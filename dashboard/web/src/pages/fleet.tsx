@@ -8,6 +8,7 @@ import { link, parameter, setParameters } from '../core/router';
 import { sourcesOf } from '../core/sources';
 import type { Fleet as FleetAnswer, Host, Worker } from '../core/types';
 import { Age, Chip, Empty, Loaded, Pager, Panel, Search } from '../parts/basics';
+import { Jobs } from '../parts/jobs';
 import { Table, type Column } from '../parts/table';
 
 const phases: Record<string, string> = { i: 'line', p: 'hand', y: 'target', s: 'reference', '.': 'bad' };
@@ -75,6 +76,7 @@ export function Fleet() {
             {cut.length > 0 && <p class="row small" data-cut>{cut.slice(0, 5).map((one) => <span>{one.host}: {count(one.workers.length)} of {count(one.slots)} workers are listed</span>)}{args.workers < mostWorkers ? <button type="button" class="button" onClick={() => setMost(Math.min(mostWorkers, args.workers + 400))}>Show more</button> : <span class="muted">find the others by the filter</span>}</p>}
             <p class="small muted row" aria-hidden="true">{([['i', 'idle'], ['p', 'plans'], ['y', 'plays'], ['s', 'sends']] as const).map(([letter, word]) => <span class="row"><svg width="12" height="12"><rect width="12" height={letter === 'i' ? 4 : 12} y={letter === 'i' ? 8 : 0} fill={`var(--${phases[letter]})`} /></svg>{word}</span>)}</p>
             <Processes of={fleet} />
+            <Jobs />
           </>
         );
       }}

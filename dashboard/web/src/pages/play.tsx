@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
 import { useEffect, useState } from 'preact/hooks';
-import { getBytes, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
-import { useLive } from '../core/connection';
+import { getBytes, jobGone, postJson, problemOf, query, reasonOf, root, useResource } from '../core/api';
+import { now, useLive } from '../core/connection';
 import { none } from '../core/format';
 import { useKeys } from '../core/keys';
 import { parameter, setParameters } from '../core/router';
@@ -43,6 +43,8 @@ export function PlayPage() {
 
 interface Opened { session: string; job: string }
 
+const openingMs = 20000;
+
 /** What a session is opened with; all of it in the address. */
 function useWish(data: Sessions) {
   const [campaign] = parameter('campaign', 'quickstart');
@@ -69,10 +71,13 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const [shown, show] = useState('');
   const [token, setToken] = useState('');
   const [opened, setOpened] = useState<Opened | null>(null);
+  // an address says nothing of how far its session is: whoever just came waits as long as one takes to open
+  const [came] = useState(Date.now());
+  const waiting = session !== '' && !props.there && opened?.session !== session && now.value - came < openingMs;
   const coming = session !== '' && !props.there && opened?.session === session;
   const job = useResource<Job>(coming ? `/jobs/${opened.job}` : null, { every: 1000 });
   const gone = coming && job.error?.status === 404;
-  const ended = session !== '' && !props.there && (!coming || gone || (job.data !== undefined && job.data.state !== 'running'));
+  const ended = session !== '' && !props.there && !waiting && (!coming || gone || (job.data !== undefined && job.data.state !== 'running'));
   const text = JSON.stringify(wish);
   useEffect(() => {
     setCommand('');
@@ -98,7 +103,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const set = (name: string) => (value: string) => setParameters({ [name]: value || null }, true);
   return (
     <Panel title="Sessions">
-      {coming && !ended && <p role="status" class="muted">{session} is being opened.</p>}
+      {(waiting || (coming && !ended)) && <p role="status" class="muted">{waiting ? `${session} is looked for.` : `${session} is being opened.`}</p>}
       {ended && <Ended session={session} log={job.data?.log ?? []} gone={gone} again={actions ? () => { void open(); } : null} able={wish.run !== ''} />}
       <div class="row wrap">
         {data.sessions.length > 0 && <Select showLabel label="Session" value={session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={(name) => choose(data, name)} />}
@@ -153,14 +158,27 @@ function Table(props: { session: string }) {
   const live = useLive<PlaySession>('play', { session: props.session }, 10);
   const [selected, select] = useState('');
   const [refusal, setRefusal] = useState('');
+  const [token, setToken] = useState('');
+  const [locked, lock] = useState(false);
   const send = async (action: string, values: Record<string, unknown> = {}): Promise<boolean> => {
     try {
       const answer = await postJson<{ accepted: boolean; refusal: string }>(`${address}/commands`, { action, arguments: values });
       setRefusal(answer.refusal);
       return answer.accepted;
     } catch (error) {
+      lock(problemOf(error).status === 401);
       setRefusal(reasonOf(error));
       return false;
+    }
+  };
+  const signIn = async () => {
+    try {
+      await postJson('/session', { token });
+      setToken('');
+      setRefusal('');
+      lock(false);
+    } catch (error) {
+      setRefusal(reasonOf(error));
     }
   };
   return (
@@ -185,6 +203,7 @@ function Table(props: { session: string }) {
                 <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? (name, x, y) => { void place(name, x, y); } : null} />
                 <Moves selected={scene.objects.find((one) => one.name === selected)} send={send} reset={() => { void send('reset'); }} />
                 {refusal && <p class="bad" role="alert">{refusal}</p>}
+                {locked && <form class="row" data-play-sign-in onSubmit={(event) => { event.preventDefault(); void signIn(); }}><TokenField value={token} change={setToken} /><button type="submit" class="button" disabled={!token}>Sign in</button></form>}
               </Panel>
               <Modules modules={state.modules as Record<string, unknown>} step={state.checkpoint_step} />
             </div>

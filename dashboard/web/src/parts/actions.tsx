@@ -22,6 +22,8 @@ export function ActionButton(props: { label: string; about: string; of: Argument
 
 function Confirm(props: { label: string; about: string; of: Arguments; close: () => void; done?: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
+  // what is run is what is shown, whatever the page behind it goes on to
+  const [of] = useState(props.of);
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
   const [authorized, setAuthorized] = useState(false);
@@ -30,7 +32,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const [gone, setGone] = useState(false);
   useEffect(() => {
     dialog.current?.showModal();
-    postJson<{ command: string }>('/actions', { ...props.of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
+    postJson<{ command: string }>('/actions', { ...of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
     getJson<{ authorized: boolean }>('/session').then((answer) => setAuthorized(answer.authorized)).catch(() => undefined);
   }, []);
   useEffect(() => {
@@ -44,7 +46,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
     try {
       if (!authorized) await postJson('/session', { token });
       setAuthorized(true);
-      const { job: id } = await postJson<{ job: string }>('/actions', props.of);
+      const { job: id } = await postJson<{ job: string }>('/actions', of);
       setJob(await getJson<Job>(`/jobs/${id}`));
     } catch (error) {
       const told = problemOf(error);

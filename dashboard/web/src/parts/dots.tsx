@@ -12,7 +12,7 @@ export function Dots(props: { rows: Proportion[]; label: string }) {
     <div class="dots" role="list" aria-label={props.label}>
       {props.rows.map((one) => (
         <div class="dot-row" role="listitem">
-          <span>{one.link ? <a href={one.link}>{one.name}</a> : one.name}</span>
+          <span class="name" title={one.name}>{one.link ? <a href={one.link}>{one.name}</a> : one.name}</span>
           <span class="n num muted">{one.n}</span>
           <span class="track">
             <svg height="20" aria-hidden="true">

@@ -30,6 +30,17 @@ TEST(Jobs, AreFewAtOnce) {
   EXPECT_THAT(jobs.Stop("none"), HasCode(Code::kNotFound));
 }
 
+// Servers that nobody stopped do not keep anybody from pausing a campaign.
+TEST(Jobs, ThatLastAreCountedByThemselvesAndBriefOnesAlwaysGo) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs");
+  for (int i = 0; i < 8; ++i) EXPECT_THAT(jobs.Add({"serve", {"policy"}, Weight::kLasting}), IsOk());
+  EXPECT_THAT(jobs.Add({"play", {"worker"}, Weight::kLasting}), HasCode(Code::kUnavailable));
+  for (int i = 0; i < 4; ++i) EXPECT_THAT(jobs.Add({"replay", {"attempt"}, Weight::kLight}), IsOk());
+  EXPECT_THAT(jobs.Add({"replay", {"attempt"}, Weight::kLight}), HasCode(Code::kUnavailable));
+  for (int i = 0; i < 3; ++i) EXPECT_THAT(jobs.Add({"pause", {"campaign"}, Weight::kBrief}), IsOk());
+}
+
 TEST(Jobs, WhatIsToRunOnceIsOneJobWhileItRuns) {
   TemporaryFolder folder;
   Jobs jobs(folder / "jobs");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests dashboard/server/api/overview.cc and overview_warnings.cc: GET /home with what is on the bus alone.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -331,6 +332,41 @@ TEST_F(OverviewTest, ACampaignThatWasStoppedIsNotSilent) {
   status.committed = 20;
   model_.On(id, status, MonotonicClock::now());
   EXPECT_EQ(state(), "finished");
+}
+
+// Until it writes a line its files speak of the time before.
+TEST_F(OverviewTest, ARunThatIsResumedRunsWhateverItsFilesSayOfItsLastEnd) {
+  const Path file = lab_.root() / "run" / "metrics.jsonl";
+  const double ended = WallSeconds() - 100;
+  const std::string end = fmt::format(R"({{"kind": "end", "step": 150, "time": {}, "cause": "failed"}})", ended);
+  ASSERT_THAT(WriteFileAtomically(file, *ReadTextFile(file) + "\n" + end + "\n"), IsOk());
+  EXPECT_EQ(GetJson(kPrefix + "/runs/lab.run")["state"], "failed");
+  const auto run = sources_.Run("lab.run").value()->View().value();
+  auto present = Present(bus::PresenceKind::kRun, "lab", run->identity);
+  const auto state = [&](double since) {
+    present.since = static_cast<std::uint64_t>(since);
+    model_.Directory({present}, MonotonicClock::now());
+    live_ = std::make_shared<const live::LiveView>(model_.view());
+    return GetJson(kPrefix + "/runs/lab.run")["state"];
+  };
+  EXPECT_EQ(state(ended - 500), "failed") << "the process that has just failed is still there";
+  EXPECT_EQ(state(ended + 50), "running");
+}
+
+// Who pauses a campaign knows that nothing is committed.
+TEST_F(OverviewTest, APausedCampaignIsNoAlarm) {
+  const auto long_ago = MonotonicClock::now() - std::chrono::seconds(70);
+  model_.Directory({Present(bus::PresenceKind::kCampaign, "away", "aaaa0001")}, MonotonicClock::now());
+  bus::CampaignStatus status;
+  status.committed = 3, status.total = 20, status.workers = 2, status.state = "running";
+  model_.On("aaaa0001", status, long_ago);
+  EXPECT_TRUE(Warnings().contains("no_commits"));
+  status.state = "paused";
+  model_.On("aaaa0001", status, long_ago);
+  EXPECT_FALSE(Warnings().contains("no_commits"));
+  status.state = "running";
+  model_.On("aaaa0001", status, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("no_commits")) << "its time begins anew";
 }
 
 }  // namespace overview_test

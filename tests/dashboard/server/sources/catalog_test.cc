@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <map>
 #include <set>
 
 #include "tests/dashboard/server/example_folders.h"
@@ -36,6 +38,24 @@ TEST(Catalog, LogsAreThoseOfLogFoldersAndOfWhatWasFound) {
   EXPECT_THAT(ids, testing::ElementsAre("lab.logs.trainer.log", "lab.run.rank-0.log"));
 }
 
+// --dir exp1/lab --dir exp2/lab
+TEST(Catalog, FoldersOfOneNameAreToldApartByTheirOrder) {
+  ExampleFolders one, two;
+  Catalog both({one.root(), two.root()});
+  std::map<std::string, Path> folders;
+  for (const auto& item : *both.List()) folders[item.shown] = item.folder;
+  EXPECT_EQ(folders.at("lab/data"), std::filesystem::canonical(one.root()) / "data");
+  EXPECT_EQ(folders.at("lab-2/data"), std::filesystem::canonical(two.root()) / "data");
+  EXPECT_EQ(both.Find(Kind::kRun, "lab-2.run")->folder, std::filesystem::canonical(two.root()) / "run");
+  std::set<std::string> logs;
+  for (const auto& log : *both.Logs()) EXPECT_TRUE(logs.insert(log.id).second) << log.id;
+  EXPECT_EQ(logs.size(), 2u);
+  // what comes to the first takes no name of the second's
+  std::filesystem::remove_all(one.root() / "run");
+  EXPECT_EQ(Catalog({one.root(), two.root()}).Find(Kind::kRun, "lab-2.run")->folder,
+            std::filesystem::canonical(two.root()) / "run");
+}
+
 TEST(Catalog, WhatChangedLastComesFirstAndTheRestIsCounted) {
   ExampleFolders lab;
   const auto now = std::filesystem::file_time_type::clock::now();
@@ -48,7 +68,7 @@ TEST(Catalog, WhatChangedLastComesFirstAndTheRestIsCounted) {
   EXPECT_EQ(newest.found[0].id, "lab.eval_b");
   EXPECT_EQ(newest.found[1].id, "lab.eval_other");
   EXPECT_EQ(newest.more, 1u);
-  EXPECT_EQ(catalog.NewestOf(Kind::kDataset, 9, false).found.size(), 1u) << "no rollouts";
+  EXPECT_EQ(catalog.NewestOf(Kind::kDataset, 9, Catalog::Role::kDemonstrations).found.size(), 1u);
 }
 
 TEST(Catalog, AFolderThatIsOneItselfIsFound) {
@@ -71,13 +91,6 @@ TEST(Catalog, FollowsNoLink) {
   TemporaryFolder other;
   std::filesystem::create_directory_symlink(lab.root() / "data", other / "linked");
   EXPECT_TRUE(Catalog({other.path()}).List()->empty());
-}
-
-TEST(Catalog, FoldersOfOneNameGetIdsOfTheirOwn) {
-  ExampleFolders first, second;
-  Catalog catalog({first.root(), second.root()});
-  EXPECT_THAT(catalog.Find(Kind::kDataset, "lab.data"), IsOk());
-  EXPECT_THAT(catalog.Find(Kind::kDataset, "lab.data-2"), IsOk());
 }
 
 }  // namespace catalog_test
