@@ -21,9 +21,12 @@ etude::Status Subscribe(const std::string& name, std::uint32_t domain, int count
   // a run is found by its name; its id, which is unique, says where it publishes
   ETUDE_ASSIGN_OR_RETURN(const auto selector, etude::ParseSelector(name, "RUN"));
   ETUDE_ASSIGN_OR_RETURN(auto directory, etude::bus::Directory::Open(participant));
-  ETUDE_ASSIGN_OR_RETURN(const auto run, directory.FindPublisher(selector, 30s));
-  if (!run) return etude::Fail(etude::Code::kUnavailable, "no run '" + name + "' on this domain");
-  const etude::bus::Owner owner{run->name, run->id};  // checkpoints of another run are not taken
+  auto run = directory.FindPublisher(selector, 1s);
+  if (run && !*run) fmt::print(stderr, "waiting for run '{}' on domain {}\n", name, domain);
+  while (run && !*run && !etude::StopRequested()) run = directory.FindPublisher(selector, 1s);
+  if (!run) return etude::Fail(run.error());
+  if (!*run) return {};
+  const etude::bus::Owner owner{(*run)->name, (*run)->id};  // checkpoints of another run are not taken
   ETUDE_ASSIGN_OR_RETURN(
       auto subscriber,
       etude::bus::BlobSubscriber::Open(participant, owner, "latest", {.accept = etude::bus::AcceptSigned(verifier)}));
