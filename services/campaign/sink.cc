@@ -65,20 +65,8 @@ class EvalSink : public EpisodeSink {
         writer_(std::move(writer)) {}
 
   Status Restore() {
-    const MutexLock lock(mutex_);
-    if (!writer_.committed().empty()) {
-      ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder_));
-      store::CommitTable commits(folder_);
-      ETUDE_RETURN_IF_ERROR(commits.Refresh());
-      for (const std::uint64_t index : writer_.committed()) {
-        ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
-        RolloutRow& row = rows_[index] = RowOf(record.episode);
-        if (const auto at = commits.RowOfIndex(index); at < commits.size()) row.wall_s = commits.timings()[at].wall_s;
-        scenes_.Add(record.episode);
-      }
-    }
-    scenes_.Restore(folder_);
-    return RestoreLines();
+    ETUDE_RETURN_IF_ERROR(RestoreRows());
+    return WriteReport();
   }
 
   const Path& folder() const override { return folder_; }
@@ -111,6 +99,22 @@ class EvalSink : public EpisodeSink {
   }
 
  private:
+  Status RestoreRows() ETUDE_EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    if (!writer_.committed().empty()) {
+      ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder_));
+      store::CommitTable commits(folder_);
+      ETUDE_RETURN_IF_ERROR(commits.Refresh());
+      for (const std::uint64_t index : writer_.committed()) {
+        ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
+        RolloutRow& row = rows_[index] = RowOf(record.episode);
+        if (const auto at = commits.RowOfIndex(index); at < commits.size()) row.wall_s = commits.timings()[at].wall_s;
+        scenes_.Add(record.episode);
+      }
+    }
+    scenes_.Restore(folder_);
+    return RestoreLines();
+  }
   // The rollout is durable; what cannot be written now is derived from it with the next start.
   // @returns whether a report is due
   bool Report(const Episode& episode, const store::CommitFacts& facts) ETUDE_REQUIRES(mutex_) {
