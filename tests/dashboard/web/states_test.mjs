@@ -327,6 +327,31 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
   }, { allow: /40[14] \((Not Found|Unauthorized)/ });
 });
 
+test('Fleet lists what the gateway runs, and asks whoever ends it for the token', async () => {
+  let jobs = [{ id: '7', action: 'serve', command: 'etude policy --checkpoint latest.safetensors', state: 'running', started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: ['serves'] },
+    { id: '6', action: 'verify', command: 'etude dataset verify data', state: 'done', started: '2026-01-01T09:00:00Z', ended: '2026-01-01T09:00:01Z', exit_code: 0, progress: null, result: null, log: [] }];
+  let asked = 0;
+  const answers = {
+    '/fleet': fleetOf(['lab-a']), '/jobs': () => ({ jobs }), '/session': { enabled: true, authorized: true },
+    '/jobs/7': () => {
+      if (++asked === 1) return { status: 401, json: { title: 'The token is needed', status: 401 } };
+      jobs = [];
+      return { stopped: true };
+    },
+  };
+  await open('/fleet', answers, async (page) => {
+    await page.waitForSelector('[data-job=serve]:has-text("etude policy")');
+    assert.equal(await page.locator('[data-job]').count(), 1, 'what has ended is not listed');
+    await page.getByRole('button', { name: 'Stop' }).click();
+    await page.waitForSelector('[role=alert]:has-text("token is needed")');
+    assert.equal(await page.getByRole('button', { name: 'Stop' }).isEnabled(), false);
+    await page.getByLabel('Token').fill('the token');
+    await page.getByRole('button', { name: 'Stop' }).click();
+    await page.waitForSelector('[data-job]', { state: 'detached' });
+    assert.equal(asked, 2);
+  }, { allow: /401 \(Unauthorized/ });
+});
+
 test('Play: a preview that does not come says why, and a session whose job is unknown has ended', async () => {
   const sessions = { enabled: true, sessions: [], policies: ['run@0123'], campaigns: ['quickstart'] };
   const answers = {

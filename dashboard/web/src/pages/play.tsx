@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
 import { useEffect, useState } from 'preact/hooks';
-import { getBytes, jobGone, postJson, problemOf, query, reasonOf, root, useResource } from '../core/api';
+import { getBytes, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
 import { none } from '../core/format';
 import { useKeys } from '../core/keys';
@@ -13,7 +13,7 @@ import { Chip, Command, Empty, Facts, Failed, Loaded, Panel, Select } from '../p
 import { PixelMark } from '../parts/mark';
 import { Spotlight } from '../parts/spotlight';
 import { TableTop, type Standing } from '../parts/table_top';
-import { TokenField } from '../parts/sign_in';
+import { TokenField, useToken } from '../parts/sign_in';
 
 interface Sessions { enabled: boolean; sessions: PlaySession[]; policies: string[]; campaigns: string[] }
 interface Meaning { sentence: string; words: { text: string; seen: boolean }[]; task: string; target: string; reference: string; why: string; words_of: 'training' | 'campaign' }
@@ -158,29 +158,18 @@ function Table(props: { session: string }) {
   const live = useLive<PlaySession>('play', { session: props.session }, 10);
   const [selected, select] = useState('');
   const [refusal, setRefusal] = useState('');
-  const [token, setToken] = useState('');
-  const [locked, lock] = useState(false);
+  const access = useToken();
   const send = async (action: string, values: Record<string, unknown> = {}): Promise<boolean> => {
     try {
-      const answer = await postJson<{ accepted: boolean; refusal: string }>(`${address}/commands`, { action, arguments: values });
+      const answer = await access.act(() => postJson<{ accepted: boolean; refusal: string }>(`${address}/commands`, { action, arguments: values }));
       setRefusal(answer.refusal);
       return answer.accepted;
     } catch (error) {
-      lock(problemOf(error).status === 401);
       setRefusal(reasonOf(error));
       return false;
     }
   };
-  const signIn = async () => {
-    try {
-      await postJson('/session', { token });
-      setToken('');
-      setRefusal('');
-      lock(false);
-    } catch (error) {
-      setRefusal(reasonOf(error));
-    }
-  };
+  const signIn = () => access.act(() => Promise.resolve()).then(() => setRefusal(''), (error: unknown) => setRefusal(reasonOf(error)));
   return (
     <Loaded of={{ ...first, data: live ?? first.data }}>
       {(state) => {
@@ -203,7 +192,7 @@ function Table(props: { session: string }) {
                 <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? (name, x, y) => { void place(name, x, y); } : null} />
                 <Moves selected={scene.objects.find((one) => one.name === selected)} send={send} reset={() => { void send('reset'); }} />
                 {refusal && <p class="bad" role="alert">{refusal}</p>}
-                {locked && <form class="row" data-play-sign-in onSubmit={(event) => { event.preventDefault(); void signIn(); }}><TokenField value={token} change={setToken} /><button type="submit" class="button" disabled={!token}>Sign in</button></form>}
+                {access.field && <form class="row" data-play-sign-in onSubmit={(event) => { event.preventDefault(); void signIn(); }}>{access.field}<button type="submit" class="button" disabled={!access.ready}>Sign in</button></form>}
               </Panel>
               <Modules modules={state.modules as Record<string, unknown>} step={state.checkpoint_step} />
             </div>

@@ -1,28 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // What this gateway runs for those who asked: each with its command, its last words and a way to end it.
 import { useState } from 'preact/hooks';
-import { postJson, problemOf, reasonOf, stopJob, useResource } from '../core/api';
+import { reasonOf, stopJob, useResource } from '../core/api';
 import { clock } from '../core/format';
 import type { Job } from '../core/types';
 import { Panel } from './basics';
-import { TokenField } from './sign_in';
+import { useToken } from './sign_in';
 
 export function Jobs() {
   const all = useResource<{ jobs: Job[] }>('/jobs', { every: 2000 });
   const running = (all.data?.jobs ?? []).filter((one) => one.state === 'running');
   const [said, say] = useState('');
-  const [locked, lock] = useState(false);
-  const [token, setToken] = useState('');
+  const access = useToken();
   if (!running.length) return null;
   const stop = async (id: string) => {
     try {
-      if (locked) await postJson('/session', { token });
-      await stopJob(id);
-      lock(false);
+      await access.act(() => stopJob(id));
       say('');
       all.reload();
     } catch (error) {
-      lock(problemOf(error).status === 401);
       say(reasonOf(error));
     }
   };
@@ -33,11 +29,11 @@ export function Jobs() {
           <b>{one.action}</b>
           <span class="mono small fill" title={one.log.slice(-3).join('\n')}>{one.command}</span>
           <span class="small muted">since {clock(one.started, false)}</span>
-          <button type="button" class="button" disabled={locked && !token} onClick={() => { void stop(one.id); }}>Stop</button>
+          <button type="button" class="button" disabled={!access.ready} onClick={() => { void stop(one.id); }}>Stop</button>
         </div>
       ))}
       {said && <p class="bad small" role="alert">{said}</p>}
-      {locked && <p class="row"><TokenField value={token} change={setToken} /></p>}
+      {access.field && <p class="row">{access.field}</p>}
     </Panel>
   );
 }

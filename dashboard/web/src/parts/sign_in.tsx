@@ -8,6 +8,25 @@ export function TokenField(props: { value: string; change: (value: string) => vo
   return <input class="field" type="password" autocomplete="current-password" aria-label="Token" placeholder="token of this gateway" value={props.value} onInput={(event) => props.change(event.currentTarget.value)} />;
 }
 
+/** For what needs the token: where the gateway asks for it, `field` is where it is given, and the next act brings it along. */
+export function useToken() {
+  const [token, setToken] = useState('');
+  const [locked, lock] = useState(false);
+  const act = async <T,>(what: () => Promise<T>): Promise<T> => {
+    try {
+      if (locked) await postJson('/session', { token });
+      const done = await what();
+      lock(false);
+      setToken('');
+      return done;
+    } catch (error) {
+      if (problemOf(error).status === 401) lock(true);
+      throw error;
+    }
+  };
+  return { act, ready: !locked || token !== '', field: locked ? <TokenField value={token} change={setToken} /> : null };
+}
+
 export function SignIn() {
   const [token, setToken] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
