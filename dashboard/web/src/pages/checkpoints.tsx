@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which weights there are, how good each part is, and which drive a robot now. Headers only are read.
 import type { ComponentChildren } from 'preact';
-import { useState } from 'preact/hooks';
 import { root, useResource } from '../core/api';
 import { bytes, clock, count, day, none, number, short } from '../core/format';
 import { link, parameter } from '../core/router';
@@ -39,9 +38,7 @@ function Content(props: { of: Checkpoints; run: string }) {
   const rows = props.of.checkpoints;
   const { subscribers } = props.of;
   const named = `${subscribers.slice(0, 4).map((one) => one.peer ?? `participant ${short(one.participant)}`).join(', ')}${subscribers.length > 4 ? ' …' : ''}`;
-  // the newest when the page came: a later save does not take its place under who is about to do something with it
-  const [first] = useState(rows[0]?.file ?? '');
-  const [file] = parameter('file', rows.some((one) => one.file === first) ? first : rows[0]?.file ?? '');
+  const [file] = parameter('file', rows[0]?.file ?? '');
   const row = rows.find((one) => one.file === file);
   if (!rows.length) return <Panel><Empty title="Nothing saved yet">{props.of.next_step !== null ? `The first save is due at step ${count(props.of.next_step)}.` : 'A run saves at the interval that checkpoint.every_steps says.'}</Empty></Panel>;
   const columns: Column<Checkpoint>[] = [
@@ -77,7 +74,7 @@ function Detail(props: { of: Checkpoint; run: string }) {
             ['dataset', <span class="mono">{short(of.dataset)}</span>], ['architecture', <span class="mono">{short(of.architecture)}</span>], ['written', day(of.modified)], ['version', of.version ?? none],
           ] as [string, ComponentChildren][]} />}
         {!of.error && <p class="row">
-          {!of.channels.includes('best') && <ActionButton label="Make it best" about="The run's channel best names this checkpoint from then on." of={{ action: 'promote', run: props.run, file: of.file }} />}
+          <ActionButton label="Make it best" disabled={of.channels.includes('best')} about="The run's channel best names this checkpoint from then on." of={{ action: 'promote', run: props.run, file: of.file }} />
           <ActionButton label="Evaluate" about="Rolls it out in 40 scenes that no collection has." of={{ action: 'evaluate', run: props.run, file: of.file }} />
           <ActionButton label="Serve" about="Starts a policy server that answers with this checkpoint, until the job is stopped." of={{ action: 'serve', run: props.run, file: of.file }} />
         </p>}
