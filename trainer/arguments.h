@@ -29,6 +29,9 @@ struct Arguments {
   bool has_seed = false, resume = false, follow = false, offline = false;
   Claim claim = Claim::kRefuse;
   bus::Arguments bus;
+
+  /// The dataset grows while it trains.
+  bool follows() const { return follow || !collect.empty(); }
 };
 
 void AddOptions(CLI::App& app, Arguments& arguments);

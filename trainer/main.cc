@@ -88,15 +88,14 @@ struct Surroundings {
 };
 
 learn::RunOptions OptionsOf(const Arguments& arguments, const Surroundings& around) {
-  const bool hosts = !arguments.collect.empty();
   learn::RunOptions options{.out = arguments.out,
                             .resume = arguments.resume,
-                            .follow = arguments.follow || hosts,
+                            .follow = arguments.follows(),
                             .ranks = around.ranks,
                             .device = around.device,
                             .replicas = arguments.ranks > 1 ? ReplicasOfRank(arguments) : 0};
   // its collector is this process's own: whoever works for it may come tomorrow
-  if (hosts) options.patience = std::chrono::hours(24 * 365);
+  if (!arguments.collect.empty()) options.patience = std::chrono::hours(24 * 365);
   return options;
 }
 
@@ -126,9 +125,8 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                        ServiceManager::Get().Say(fmt::format("step {}, {}", progress.step, progress.stage_name));
                        telemetry.Say(progress);
                      }};
-  const bool follow = arguments.follow || !arguments.collect.empty();
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
-  if (follow && around.participant && dataset->folders() == 1 && dataset->spec().adaptive_sampling.on())
+  if (arguments.follows() && around.participant && dataset->folders() == 1 && dataset->spec().adaptive_sampling.on())
     hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };
   learn::RunOptions options = OptionsOf(arguments, around);
   options.source = around.source;
@@ -166,8 +164,7 @@ Status JoinRanks(const Arguments& arguments, const torch::Device& device, Togeth
 
 // A rank that does not lead: no bus, no files, the dataset as it stands on the disk.
 Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, const Surroundings& around) {
-  const bool follow = arguments.follow || !arguments.collect.empty();
-  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, follow, {}));
+  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follows(), {}));
   ETUDE_ASSIGN_OR_RETURN(auto trainer,
                          learn::Trainer::Create(config, std::move(dataset), OptionsOf(arguments, around), {}));
   return trainer->Run();
@@ -218,7 +215,7 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Togeth
     return collector ? collector->status() : Status();
   };
   ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
-  auto opened = OpenDataset(arguments.data, arguments.follow || collector, source);
+  auto opened = OpenDataset(arguments.data, arguments.follows(), source);
   if (!opened) return BeforeTraining(std::move(opened).error());
   auto dataset = std::move(*opened);
   Log().info("run {}@{} in '{}', data {}, {}, on {}", run, telemetry.run().id, arguments.out, dataset->text(),

@@ -50,8 +50,8 @@ class WorkerPool {
     std::string name;  // on the bus
     MonotonicClock::time_point started{}, start_again{};
     int deaths = 0;         // in a row
-    bool finished = false;  // nothing is left to do, or it never can
-    bool unable = false;
+    bool finished = false;  // nothing is left to do
+    bool unable = false;    // to run on this machine, as it was the last time
   };
 
   explicit WorkerPool(WorkerPoolOptions options) : options_(std::move(options)) {}

@@ -139,4 +139,14 @@ std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const Ca
   return differences;
 }
 
+std::vector<std::string> DifferencesBesideHash(const CampaignSpec& first, const CampaignSpec& other) {
+  std::vector<std::string> differences;
+  if (first.name != other.name) differences.push_back(fmt::format("name ({}, now {})", first.name, other.name));
+  const OrderedJson split = ToJson(first.split), other_split = ToJson(other.split);
+  // with adaptive sampling it is part of the hash
+  if (split != other_split && !first.adaptive_sampling.on())
+    differences.push_back(fmt::format("split ({}, now {})", split.dump(), other_split.dump()));
+  return differences;
+}
+
 }  // namespace etude::store::internal

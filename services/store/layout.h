@@ -51,5 +51,7 @@ Status WriteDatasetFile(const Path& dataset, const DatasetFile& content);
 
 /// Keys of the spec that an episode's bytes depend on and that differ, as "seed (1, now 2)".
 std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now);
+/// Of what is no part of the hash and decides all the same on what an episode is, and what it is for: name and split.
+std::vector<std::string> DifferencesBesideHash(const CampaignSpec& first, const CampaignSpec& other);
 
 }  // namespace etude::store::internal

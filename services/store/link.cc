@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <unordered_map>
 
@@ -44,11 +45,7 @@ Status CheckOneCampaign(const LinkedShard& first, const LinkedShard& other) {
   auto differences = internal::SpecDifferences(first.spec, other.spec);
   if (differences.empty() && first.spec_sha256 != other.spec_sha256)
     differences.emplace_back("what the files of its tasks say");
-  if (first.spec.name != other.spec.name)
-    differences.push_back(fmt::format("name ({}, now {})", first.spec.name, other.spec.name));
-  const OrderedJson split = ToJson(first.spec.split), other_split = ToJson(other.spec.split);
-  if (split != other_split && !first.spec.adaptive_sampling.on())
-    differences.push_back(fmt::format("split ({}, now {})", split.dump(), other_split.dump()));
+  std::ranges::copy(internal::DifferencesBesideHash(first.spec, other.spec), std::back_inserter(differences));
   if (differences.empty()) return {};
   return Fail(
       Code::kInvalidArgument,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -73,15 +73,14 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
 // Of one spec hash, which neither the name nor the split is part of: an episode of the other's name is another one, and
 // one that was for validation would be trained on.
 Status CheckOneName(const Part& first, const Part& other) {
-  const CampaignSpec &a = first.reader.spec(), &b = other.reader.spec();
-  const OrderedJson split = ToJson(a.split), other_split = ToJson(b.split);
-  if (a.name == b.name && split == other_split) return {};
+  const auto differences = internal::DifferencesBesideHash(first.reader.spec(), other.reader.spec());
+  if (differences.empty()) return {};
   return Fail(
       Code::kInvalidArgument,
-      fmt::format("merge: '{}' and '{}' are of one spec, but not of one {} ({}; {}); `etude train --data A B` "
-                  "reads both, each with its own",
-                  first.reader.path().string(), other.reader.path().string(), a.name == b.name ? "split" : "name",
-                  a.name == b.name ? split.dump() : a.name, a.name == b.name ? other_split.dump() : b.name));
+      fmt::format("merge: '{}' and '{}' are of one spec, but not of one {}; `etude train --data A B` reads both, "
+                  "each with its own",
+                  first.reader.path().string(), other.reader.path().string(),
+                  fmt::join(differences, " and not of one ")));
 }
 
 // Copies what the first has, then adds what the others have beyond it.

@@ -21,7 +21,8 @@ using internal::HdfWriter;
 
 class PlainFile {
  public:
-  PlainFile(const DatasetReader& reader, Path path) : reader_(reader), path_(std::move(path)) {}
+  PlainFile(const DatasetReader& reader, const FilterKeys& keys, Path path)
+      : reader_(reader), keys_(keys), path_(std::move(path)) {}
 
   Status Create() {
     HdfWriter file(path_, HdfWriter::OnDisk::kNew);
@@ -48,13 +49,12 @@ class PlainFile {
   }
 
   Status Finish(PlainFileReport& report) {
-    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(reader_.path()));
     HdfWriter file(path_, HdfWriter::OnDisk::kAdd);
     for (const auto& [index, summary] : summaries_) report.samples += summary.samples;
     file.Attribute("/data", "total", static_cast<std::int64_t>(report.samples));
     file.Attribute("/data", "env_args", internal::EnvArgs());
     file.Attribute("/data", "spec_sha256", reader_.spec_sha256());
-    for (const auto& [name, demos] : internal::MasksOf(reader_.spec(), internal::EntriesOf(summaries_), keys))
+    for (const auto& [name, demos] : internal::MasksOf(reader_.spec(), internal::EntriesOf(summaries_), keys_))
       file.FixedStrings("/mask/" + name, demos);
     std::size_t n = 0;
     for (const auto& [sentence, demos] : sentences_) {
@@ -90,6 +90,7 @@ class PlainFile {
   }
 
   const DatasetReader& reader_;
+  const FilterKeys& keys_;
   Path path_;
   std::map<std::uint64_t, internal::EpisodeSummary> summaries_;
   std::map<std::string, std::vector<std::string>> sentences_;  // of the training split -> demos
@@ -120,7 +121,7 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
         fmt::format("export '{}': '{}' is there already: it goes with the file; choose another name, or remove it",
                     dataset.string(), report.train_data.string()));
   ETUDE_ASSIGN_OR_RETURN(const Path partial, ClaimOutput(out, options.leftover));
-  PlainFile file(reader, partial);
+  PlainFile file(reader, keys, partial);
   ETUDE_RETURN_IF_ERROR(file.Create());
   for (std::size_t i = 0; i < indices.size(); ++i) {
     if (StopRequested())

@@ -236,16 +236,15 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
   // its files say how it ended the last time until it writes again
   const bool again = end && end->t && state.live && static_cast<double>(heard->presence.since) >= std::floor(*end->t);
   if (again) end = nullptr;
-  if (heard && heard->status && (state.live || !end)) FromBus(*heard->status, state);
+  const bus::TrainStatus* const status = heard && heard->status ? &*heard->status : nullptr;
+  if (status && (state.live || !end)) FromBus(*status, state);
   if (state.live) state.updated = WallSeconds();
   state.begun = BegunOf(view ? view->since : 0, heard ? &heard->presence : nullptr);
   state.stages = std::max(state.stages, state.stage);
   if (end)
     state.state = end->cause;
-  else if (again && !(heard->status && heard->status->finished))
-    state.state = "running";  // for more steps than config.yaml says yet, perhaps
-  else if ((heard && heard->status && heard->status->finished) || (state.steps && state.step >= *state.steps))
-    state.state = "finished";
+  else if ((status && status->finished) || (!again && state.steps && state.step >= *state.steps))
+    state.state = "finished";  // one that goes on may be for more steps than config.yaml says yet
   else
     state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
   if (state.state != "finished" && state.state != "stopped" && state.state != "failed" && state.state != "running")

@@ -90,10 +90,7 @@ using Hosts = std::map<std::string, HostRow>;
 
 // The source that a campaign on the bus is shown under.
 std::string SourceOf(Context& context, const live::LiveCampaign& campaign) {
-  for (const auto& found :
-       context.sources.catalog()
-           .NewestOf(sources::Kind::kDataset, kMostDatasets, sources::Catalog::Role::kDemonstrations)
-           .found) {
+  for (const auto& found : context.sources.catalog().Demonstrations(kMostDatasets)) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();
@@ -143,10 +140,7 @@ Hosts FromJournals(Context& context) {
   Hosts hosts;
   std::shared_ptr<const sources::DatasetView> newest;
   std::string id;
-  for (const auto& found :
-       context.sources.catalog()
-           .NewestOf(sources::Kind::kDataset, kMostDatasets, sources::Catalog::Role::kDemonstrations)
-           .found) {
+  for (const auto& found : context.sources.catalog().Demonstrations(kMostDatasets)) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();

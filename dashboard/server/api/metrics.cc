@@ -297,9 +297,7 @@ bool AnnouncesRollouts(const live::LiveCampaign& campaign) {
 std::vector<DatasetMetrics> DatasetsNow(Context& context, const live::LiveView& live) {
   std::vector<DatasetMetrics> datasets;
   std::set<std::string> known = live.campaigns.empty() ? std::set<std::string>() : RolloutsHere(context);
-  for (const auto& found : context.sources.catalog()
-                               .NewestOf(sources::Kind::kDataset, kMostOfKind, sources::Catalog::Role::kDemonstrations)
-                               .found) {
+  for (const auto& found : context.sources.catalog().Demonstrations(kMostOfKind)) {
     const auto opened = OpenDataset(context, found.id);
     if (!opened) continue;
     known.insert(opened->view->info.identity);

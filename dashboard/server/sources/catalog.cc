@@ -33,6 +33,14 @@ std::string IdOf(const std::string& shown) {
   return id;
 }
 
+// `wanted`, else with the first number behind it that `take` takes: "out", "out-2".
+template <class Take>
+std::string Unique(const std::string& wanted, Take&& take) {
+  std::string name = wanted;
+  for (int n = 2; !take(name); ++n) name = fmt::format("{}-{}", wanted, n);
+  return name;
+}
+
 bool Has(const Path& folder, const char* file) {
   std::error_code error;
   return std::filesystem::is_regular_file(folder / file, error);
@@ -92,9 +100,8 @@ class Search {
   std::string Note(const Step& step) {
     const auto kind = KindOf(step.folder);
     if (!kind) return "";
-    const std::string wanted = IdOf(step.shown);
-    std::string id = wanted;
-    for (int n = 2; !ids_.emplace(*kind, id).second; ++n) id = fmt::format("{}-{}", wanted, n);
+    const std::string id =
+        Unique(IdOf(step.shown), [&](const std::string& name) { return ids_.emplace(*kind, name).second; });
     found_.push_back({*kind, id, step.folder.filename().string(), step.folder, step.shown,
                       *kind == Kind::kDataset ? step.eval : "", ChangedOf(step.folder)});
     return *kind == Kind::kEval ? id : "";
@@ -113,10 +120,8 @@ class Search {
       if (it->is_directory(ignored)) {
         if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
       } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
-        const std::string wanted = IdOf(step.shown + "/" + name);
-        std::string id = wanted;
-        for (int n = 2; !log_ids_.insert(id).second; ++n) id = fmt::format("{}-{}", wanted, n);
-        logs_.push_back({std::move(id), step.folder, name});
+        const auto take = [&](const std::string& id) { return log_ids_.insert(id).second; };
+        logs_.push_back({Unique(IdOf(step.shown + "/" + name), take), step.folder, name});
       }
     }
     std::ranges::sort(folders);
@@ -138,11 +143,9 @@ class Search {
 std::vector<std::string> NamesOf(const std::vector<Path>& roots) {
   std::vector<std::string> names;
   for (const auto& root : roots) {
-    const std::string wanted =
-        root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
-    std::string name = wanted;
-    for (int n = 2; std::ranges::find(names, name) != names.end(); ++n) name = fmt::format("{}-{}", wanted, n);
-    names.push_back(std::move(name));
+    const Path own = root.filename().empty() ? root.parent_path().filename() : root.filename();
+    names.push_back(
+        Unique(own.string(), [&](const std::string& name) { return std::ranges::find(names, name) == names.end(); }));
   }
   return names;
 }
@@ -181,7 +184,7 @@ std::string ToString(Kind kind) {
 }
 
 Catalog::Catalog(std::vector<Path> roots, const Path& left_out)
-    : roots_(Canonical(roots)), left_out_(CanonicalOf(left_out)) {}
+    : roots_(Canonical(roots)), names_(NamesOf(roots_)), left_out_(CanonicalOf(left_out)) {}
 
 void Catalog::Scan() {
   const auto now = MonotonicClock::now();
@@ -189,8 +192,7 @@ void Catalog::Scan() {
   auto found = std::make_shared<std::vector<Found>>();
   auto logs = std::make_shared<std::vector<LogFile>>();
   Search search(*found, *logs, left_out_);
-  const auto names = NamesOf(roots_);
-  for (std::size_t i = 0; i < roots_.size(); ++i) search.Root(roots_[i], names[i]);
+  for (std::size_t i = 0; i < roots_.size(); ++i) search.Root(roots_[i], names_[i]);
   std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
   found_ = std::move(found);
   logs_ = std::move(logs);

@@ -45,6 +45,10 @@ class Catalog {
   /// Which datasets: those of demonstrations, of an evaluation's rollouts, or both.
   enum class Role : std::uint8_t { kAny, kDemonstrations, kRollouts };
   Newest NewestOf(Kind kind, std::size_t most, Role role = Role::kAny);
+  /// The newest datasets that are not an evaluation's rollouts.
+  std::vector<Found> Demonstrations(std::size_t most) {
+    return NewestOf(Kind::kDataset, most, Role::kDemonstrations).found;
+  }
   /// @error kNotFound: names what there is
   Result<Found> Find(Kind kind, const std::string& id);
   const std::vector<Path>& roots() const { return roots_; }
@@ -59,6 +63,7 @@ class Catalog {
   void Scan() ETUDE_REQUIRES(mutex_);
 
   const std::vector<Path> roots_;
+  const std::vector<std::string> names_;  // of the roots, for people
   const Path left_out_;
   Mutex mutex_;
   std::shared_ptr<const std::vector<Found>> found_ ETUDE_GUARDED_BY(mutex_);

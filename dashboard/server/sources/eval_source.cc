@@ -84,13 +84,10 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
     now_.videos = std::move(videos);
     changed = true;
   }
-  if (!changed) {
-    refreshed_ = MonotonicClock::now();
-    return view_;
-  }
+  refreshed_ = MonotonicClock::now();
+  if (!changed) return view_;
   now_.rows = Merged(now_.report, streamed_);
   now_.updated = std::max(report_stamp_.modified_s(), lines_.stamp().modified_s());
-  refreshed_ = MonotonicClock::now();
   view_ = std::make_shared<const EvalView>(now_);
   return view_;
 }

@@ -108,6 +108,13 @@ class BrokenRobot : public testing::Test {
   void Replace(const std::string& file, const std::string& from, const std::string& to) {
     ReplaceInFile(folder_ / file, from, to);
   }
+  /// Its scene. @param friction  of the world
+  Result<std::shared_ptr<const Scene>> Build(double friction = 1) const {
+    SceneSpec spec;
+    spec.robot = (folder_ / "sketch.yaml").string();
+    spec.world.friction = friction;
+    return Scene::Build(spec);
+  }
   Error Load() const {
     const auto loaded = LoadRobot(folder_ / "sketch.yaml");
     EXPECT_FALSE(loaded);
@@ -187,9 +194,7 @@ TEST_F(BrokenRobot, AMasslessMeshClassIsRead) {
 // MuJoCo calls the class at the top "main" only where the file gives it no name.
 TEST_F(BrokenRobot, TheClassAtTheTopMayHaveAName) {
   Replace("sketch/sketch.xml", "<default>\n    <geom material", "<default class=\"makers\">\n    <geom material");
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   const mjModel *named = (*scene)->model().mj.get(), *unnamed = SceneOf(kSketch)->model().mj.get();
   const int a = mj_name2id(named, mjOBJ_JOINT, "lift"), b = mj_name2id(unnamed, mjOBJ_JOINT, "lift");
@@ -199,10 +204,7 @@ TEST_F(BrokenRobot, TheClassAtTheTopMayHaveAName) {
 // A campaign's `world.friction` changes what stands in the elements.
 TEST_F(BrokenRobot, FrictionChangesWithTheWorldWhereverItComesFrom) {
   const auto sliding = [&](double factor) {
-    SceneSpec spec;
-    spec.robot = (folder_ / "sketch.yaml").string();
-    spec.world.friction = factor;
-    const auto scene = Scene::Build(spec);
+    const auto scene = Build(factor);
     EXPECT_TRUE(scene) << scene.error().message;
     const mjModel* mj = (*scene)->model().mj.get();
     for (int i = 0; i < mj->ngeom; ++i)
@@ -234,9 +236,7 @@ TEST_F(BrokenRobot, CompilerSettingsArePutIntoTheElements) {
   char message[1000] = "";
   const ModelPtr original(mj_loadXML((folder_ / "sketch/sketch.xml").c_str(), nullptr, message, sizeof message));
   ASSERT_TRUE(original) << message;
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   const mjModel* ours = (*scene)->model().mj.get();
   for (const char* name : {"turret", "upper", "fore", "left"}) {
@@ -249,9 +249,7 @@ TEST_F(BrokenRobot, CompilerSettingsArePutIntoTheElements) {
 
 TEST_F(BrokenRobot, RotorsAndFrictionMayStandInTheYaml) {
   Replace("sketch.yaml", "base:\n", "armature: [0.3, 0.3, 0.3, 0.1, 0.1, 0.1]\ndamping: [2, 2, 2, 1, 1, 0]\nbase:\n");
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   const mjModel* mj = (*scene)->model().mj.get();
   EXPECT_EQ(mj->dof_armature[(*scene)->model().arm_v[0]], 0.3);
@@ -294,9 +292,7 @@ class TwoFiles : public BrokenRobot {
 };
 
 TEST_F(TwoFiles, AnArmAndAGripperAreOneRobot) {
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   EXPECT_THAT((*scene)->arm().bodies, testing::Contains("gripper_foot")) << "the arm's base has that name";
   World world(*scene);
@@ -374,9 +370,7 @@ TEST_F(BrokenRobot, IsNotBrokenByWhatItsMakersLike) {
   ASSERT_TRUE(loaded) << loaded.error().message;
   EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("stands still")));
   EXPECT_THAT(loaded->model.tendon, testing::HasSubstr("pull"));
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   World world(*scene);
   const Pose home = world.X_WE();
@@ -511,9 +505,7 @@ TEST_F(HeavyLooks, WeighWhereNothingElseDoes) {
   Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/>",
           "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"0\"/>");
   Replace("sketch.yaml", "name: sketch\n", "name: sketch\nmasses: collision\n");
-  SceneSpec spec;
-  spec.robot = (folder_ / "sketch.yaml").string();
-  const auto scene = Scene::Build(spec);
+  const auto scene = Build();
   ASSERT_TRUE(scene) << scene.error().message;
   const mjModel* mj = (*scene)->model().mj.get();
   EXPECT_GT(mj->body_mass[(*scene)->model().BodyId("upper")], 0.5) << "it would weigh nothing";
@@ -522,9 +514,7 @@ TEST_F(HeavyLooks, WeighWhereNothingElseDoes) {
 // What two fingers hold by points alone swings about the line between them.
 TEST_F(BrokenRobot, FingersThatDecideAloneHoldByAnArea) {
   const auto geoms = [&] {
-    SceneSpec spec;
-    spec.robot = (folder_ / "sketch.yaml").string();
-    const auto scene = Scene::Build(spec);
+    const auto scene = Build();
     EXPECT_TRUE(scene) << scene.error().message;
     std::vector<std::pair<int, std::vector<double>>> found;  // condim, friction
     if (!scene) return found;

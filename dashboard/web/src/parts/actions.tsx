@@ -5,7 +5,7 @@ import { getJob, getJson, jobGone, postJson, problemOf, stopJob, type Problem } 
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Command, Failed } from './basics';
-import { TokenField } from './sign_in';
+import { useToken } from './sign_in';
 
 type Arguments = { action: string } & Record<string, string | number>;
 
@@ -26,14 +26,13 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const [of] = useState(props.of);
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
-  const [authorized, setAuthorized] = useState(false);
-  const [token, setToken] = useState('');
+  const access = useToken(true);
   const [job, setJob] = useState<Job | null>(null);
   const [gone, setGone] = useState(false);
   useEffect(() => {
     dialog.current?.showModal();
     postJson<{ command: string }>('/actions', { ...of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
-    getJson<{ authorized: boolean }>('/session').then((answer) => setAuthorized(answer.authorized)).catch(() => undefined);
+    getJson<{ authorized: boolean }>('/session').then((answer) => access.lock(!answer.authorized)).catch(() => undefined);
   }, []);
   useEffect(() => {
     if (job?.state === 'done') props.done?.();
@@ -44,15 +43,10 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const run = async () => {
     setProblem(null);
     try {
-      if (!authorized) await postJson('/session', { token });
-      setAuthorized(true);
-      const { job: id } = await postJson<{ job: string }>('/actions', of);
+      const { job: id } = await access.act(() => postJson<{ job: string }>('/actions', of));
       setJob(await getJson<Job>(`/jobs/${id}`));
     } catch (error) {
-      const told = problemOf(error);
-      // what was given has expired, or is not the token any more: it is asked for again
-      if (told.status === 401) setAuthorized(false);
-      setProblem(told);
+      setProblem(problemOf(error));
     }
   };
   return (
@@ -65,8 +59,8 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
         {!home.value?.actions && <p class="small muted">This gateway was started without --token-file: it changes nothing. Copy the command.</p>}
         {home.value?.actions && command && !job && (
           <form class="row" onSubmit={(event) => { event.preventDefault(); void run(); }}>
-            {!authorized && <TokenField value={token} change={setToken} />}
-            <button type="submit" class="button" disabled={!authorized && !token}>Run it</button>
+            {access.field}
+            <button type="submit" class="button" disabled={!access.ready}>Run it</button>
           </form>
         )}
         {gone ? <Failed problem={jobGone} /> : job && <Progress of={job} />}

@@ -8,23 +8,25 @@ export function TokenField(props: { value: string; change: (value: string) => vo
   return <input class="field" type="password" autocomplete="current-password" aria-label="Token" placeholder="token of this gateway" value={props.value} onInput={(event) => props.change(event.currentTarget.value)} />;
 }
 
-/** For what needs the token: where the gateway asks for it, `field` is where it is given, and the next act brings it along. */
-export function useToken() {
+/**
+ * For what needs the token: where the gateway asks for it (`asks`: before the first act, too, until `lock` says otherwise)
+ * `field` is where it is given, and the next act brings it along.
+ */
+export function useToken(asks = false) {
   const [token, setToken] = useState('');
-  const [locked, lock] = useState(false);
+  const [locked, lock] = useState(asks);
   const act = async <T,>(what: () => Promise<T>): Promise<T> => {
     try {
       if (locked) await postJson('/session', { token });
-      const done = await what();
       lock(false);
       setToken('');
-      return done;
+      return await what();
     } catch (error) {
       if (problemOf(error).status === 401) lock(true);
       throw error;
     }
   };
-  return { act, ready: !locked || token !== '', field: locked ? <TokenField value={token} change={setToken} /> : null };
+  return { act, lock, ready: !locked || token !== '', field: locked ? <TokenField value={token} change={setToken} /> : null };
 }
 
 export function SignIn() {
