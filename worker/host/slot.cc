@@ -99,9 +99,11 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
                                       Result<Frame>& answer) {
   auto moved = MonotonicClock::now();
   std::optional<std::pair<std::string, std::uint32_t>> reached;
-  const auto hung_without = [&](const char* what) -> std::optional<Loss> {
+  bool spoke = false;  // since it moved
+  const auto hung = [&]() -> std::optional<Loss> {
     if (MonotonicClock::now() - moved < options_.stall) return std::nullopt;
-    return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without {}", options_.stall.count() / 1000, what));
+    return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without {}", options_.stall.count() / 1000,
+                                                 spoke ? "progress" : "a word"));
   };
   while (true) {
     if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on
@@ -114,7 +116,7 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
     ReadWords();
     if (!frame) return End(campaign::kChildCrashed, frame.error().message);
     if (!*frame) {
-      if (auto loss = hung_without("a word")) return loss;
+      if (auto loss = hung()) return loss;
       continue;
     }
     if ((*frame)->kind == FrameKind::kQuestion && item && ask) {
@@ -124,7 +126,8 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
       // one that says the same again and again lives, and does not move
       auto said = ProgressOf((*frame)->head);
       if (!said || said == reached) {
-        if (auto loss = hung_without("progress")) return loss;
+        spoke = true;
+        if (auto loss = hung()) return loss;
         continue;
       }
       reached = std::move(said);
@@ -137,6 +140,7 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
                  fmt::format("it said something out of turn (frame kind {})", static_cast<int>((*frame)->kind)));
     }
     moved = MonotonicClock::now();  // after an answer of the policy's, however long it took
+    spoke = false;
   }
 }
 
