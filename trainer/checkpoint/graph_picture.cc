@@ -188,7 +188,8 @@ std::string GraphText(const Metadata& metadata) {
       if (!said.empty()) text += fmt::format("    {:<9}{}\n", what, said);
     };
     line("query", module->query.empty() ? "its own register" : module->query);
-    line("reads", fmt::format("{}", fmt::join(policy::ResolveReads(metadata.policy, *module), ", ")));
+    line("reads", fmt::format("{}{}", fmt::join(policy::ResolveReads(metadata.policy, *module), ", "),
+                              module->own_image ? " (the image through an encoder of its own)" : ""));
     if (module->attend_weight > 0) line("attends", fmt::format("{}", fmt::join(module->attend, " + ")));
     line("says", SaysText(*module));
     if (policy::QuantityOf(*module)) line("from", fmt::format("{}", fmt::join(module->decoder.inputs, ", ")));

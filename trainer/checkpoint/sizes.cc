@@ -84,7 +84,8 @@ std::uint64_t LeastParameters(const policy::PolicyConfig& config, int joints) {
   if (language.clip_folder().empty())  // else a projection, of a width that only the folder tells
     sum += static_cast<Size>(language.buckets) * static_cast<Size>(language.width) +
            OfChain({language.width, language.hidden, config.width});
-  for (const auto& module : config.modules) sum += OfDecoder(config, module, joints);
+  for (const auto& module : config.modules)
+    sum += OfDecoder(config, module, joints) + (module.own_image ? OfImage(config) : 0);
   return sum;
 }
 

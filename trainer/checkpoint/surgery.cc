@@ -41,20 +41,22 @@ void CompareKeys(const OrderedJson& there, const OrderedJson& here, std::initial
   for (const char* key : keys) Compare(key, there.at(key), here.at(key), problems);
 }
 
+constexpr std::initializer_list<const char*> kImageKeys{"layers", "position", "pixel_mean", "pixel_scale"};
+
 // What weights of the same shape would compute otherwise: what is said of the part, and of the whole.
 Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, const std::string& part) {
   Names problems;
   const OrderedJson all_there = ToJson(there), all_here = ToJson(here);
   CompareKeys(all_there, all_here, {"width", "heads", "attention", "activation"}, problems);
-  if (part == "image")
-    CompareKeys(all_there.at("image"), all_here.at("image"), {"layers", "position", "pixel_mean", "pixel_scale"},
-                problems);
+  const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
+  if (part == "image" || (b && b->own_image))
+    CompareKeys(all_there.at("image"), all_here.at("image"), kImageKeys, problems);
   if (part == "language")
     Compare("language", policy::LanguageThatWeightsFit(all_there.at("language")),
             policy::LanguageThatWeightsFit(all_here.at("language")), problems);
   if (part == "joints") CompareKeys(all_there, all_here, {"joint_hidden", "joint_fourier"}, problems);
-  const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
   if (!a || !b) return problems;
+  Compare("own_image", a->own_image, b->own_image, problems);
   Compare("query", a->query, b->query, problems);
   if (here.attention == "shared") Compare("level", a->level, b->level, problems);  // other weights attend for it there
   CompareKeys(ToJson(a->decoder), ToJson(b->decoder), {"entity", "quantity", "readout", "from", "rotation", "hidden"},
@@ -132,6 +134,26 @@ class Surgeon {
       if (problems.empty() && policy::PartOfTensor(name) == part && !surgery_.tensors.contains(name))
         problems.push_back(fmt::format("{} is there and not here", name));
     if (!problems.empty()) problems_.push_back(fmt::format("{}: {}", part, fmt::join(problems, ", ")));
+  }
+
+  // A new module's own image encoder sees at first what the source's does.
+  void BeginImages() {
+    Names problems;
+    CompareKeys(ToJson(source_.metadata.policy).at("image"), ToJson(config_).at("image"), kImageKeys, problems);
+    if (!problems.empty()) return;
+    for (const ModuleConfig& module : config_.modules) {
+      if (!module.own_image || !surgery_.fresh.contains(module.name)) continue;
+      const std::string prefix = fmt::format("modules.{}.", module.name);
+      int taken = 0;
+      for (auto& [name, tensor] : surgery_.tensors) {
+        if (!name.starts_with(prefix + "image.")) continue;
+        const auto original = source_.tensors.find(name.substr(prefix.size()));
+        if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
+        tensor.copy_(original->second);
+        ++taken;
+      }
+      surgery_.alike[module.name + ".image"] = {"image", taken};
+    }
   }
 
   // What is alike of the inputs is said by the pairs as well: OBST3D's from OBST2D is TAR3D's from TAR2D.
@@ -285,6 +307,7 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   const std::string& robot = source.metadata.embodiment.robot;
   surgeon.ChooseParts(robot.empty() || here.robot.empty() || robot == here.robot);
   for (const auto& part : surgeon.surgery().copied) surgeon.CopyPart(part);
+  surgeon.BeginImages();
   surgeon.BeginLike();
   surgeon.CopyStatistics();
   surgeon.CheckFrozen();

@@ -25,7 +25,8 @@ struct SurgeryPlan {
 struct Surgery {
   std::set<std::string> copied, fresh;  ///< every part is in one of them
   /// Of fresh parts that begin like another: which, and how many of their tensors. Whatever has another size, or is of
-  /// inputs that the other has not, begins anew.
+  /// inputs that the other has not, begins anew. A fresh module's own image encoder ("OBST2D.image") begins as the
+  /// source's image encoder where they are built alike.
   std::map<std::string, std::pair<std::string, int>> alike;
   /// Of copied modules that read more than their originals: what, by module. Decoders' new columns are zero, so that
   /// at first a copy decodes from new inputs what its original did without them.

@@ -196,6 +196,10 @@ class GraphChecker {
       Report(module, "reads: a key stands twice");
     for (const std::string& key : reads)
       if (!IsReservedName(key)) CheckEarlier(module, "reads", key);
+    if (module.own_image && std::find(reads.begin(), reads.end(), "image") == reads.end())
+      Report(module, "own_image: the module does not read the image");
+    if (module.own_image && config_.attention != "module")
+      Report(module, "own_image: needs attention: module, where keys are no other's");
     return reads;
   }
 

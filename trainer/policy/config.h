@@ -130,6 +130,9 @@ struct ModuleConfig {
   /// its own level and above it in the list); "all" = image, language, joints and every module of
   /// lower levels.
   std::vector<std::string> reads{"all"};
+  /// It reads the picture through an encoder of its own, built as the policy's: a module that is added to a trained
+  /// policy may then look for what nothing in the frozen tokens tells. Only with attention: module.
+  bool own_image = false;
   /// Supervised attention: the summed attention on this key set is driven to 1. language, joints,
   /// self, MODULE, or image@ENTITY (image@target, image@others): the image tokens under it. Empty: not supervised.
   std::vector<std::string> attend;
@@ -144,6 +147,7 @@ struct ModuleConfig {
     v("level", level, "-", "order of evaluation, and the subtask of the curriculum");
     v("query", query, "", "an earlier module; empty: a learned register of its own");
     v("reads", reads, "", "keys of its attention: image, language, joints, self, earlier modules, or all");
+    v("own_image", own_image, "", "it reads the picture through an encoder of its own, built as the policy's");
     v("attend", attend, "", "keys that its attention is supervised to: language, joints, self, MODULE, image@ENTITY");
     v("attend_weight", attend_weight, "-", "of the loss of supervised attention");
     v("detach", detach, "", "registers that it reads carry no gradient back");

@@ -63,6 +63,8 @@ GraphModule::GraphModule(const PolicyConfig& policy, const ModuleConfig& config,
     }
   }
   if (quantity_ != nullptr) MakeDecoder(policy);
+  if (config_.own_image)
+    own_image_ = register_module("image", std::make_shared<ImageEncoder>(policy.image, width_, policy.precision));
 }
 
 // one a key, by the key's name; drawn together, so that what a seed makes does not depend on how they are kept
@@ -145,13 +147,20 @@ Token GraphModule::TokenOf(const std::string& name, const Context& context) {
   return {token, token};
 }
 
+Token GraphModule::ImageToken(const Tokens& tokens) {
+  if (own_image_ == nullptr) return tokens.image;
+  const Tensor seen = own_image_->Forward(tokens.picture, tokens.crop_origin);
+  return {seen, seen};
+}
+
 Keys GraphModule::CollectKeys(const Context& context) {
   Keys keys;
   std::vector<Tensor> key, value;
   for (const std::string& name : wiring_.reads) {
     if (name == "image") {
-      keys.image_key = context.tokens.image.key;
-      keys.image_value = context.tokens.image.value;
+      const Token image = ImageToken(context.tokens);
+      keys.image_key = image.key;
+      keys.image_value = image.value;
       keys.image_pixels = context.tokens.image_pixels;
       continue;
     }

@@ -26,12 +26,13 @@ struct Token {
 
 /// What the encoders made of the inputs.
 struct Tokens {
-  Token image;                 ///< (B, P, d); undefined when no module reads it
+  Token image;                 ///< (B, P, d); undefined when no module reads it through the shared encoder
   Token language;              ///< (B, S, d)
   Token joints;                ///< (B, 1, d)
   torch::Tensor sentence;      ///< (B, S, d) the language token before key and value heads
   torch::Tensor joint_values;  ///< (B, 1, J) normalised
   torch::Tensor joint_token;   ///< (B, 1, d) the joint token before key and value heads
+  torch::Tensor picture;       ///< (B, 3, h, w) uint8, what encoders of modules' own see
   torch::Tensor image_pixels;  ///< (P, 2) px from the crop's corner
   torch::Tensor crop_origin;   ///< (B, 2) px
   torch::Tensor viewpoint;     ///< (B, kViewpointSize); undefined: not said
@@ -63,6 +64,8 @@ class GraphModule : public torch::nn::Module {
   ModuleOutput Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier, const SharedAttention* shared);
   const ModuleConfig& config() const { return config_; }
   const Wiring& wiring() const { return wiring_; }
+  bool reads_image() const { return wiring_.reads[0] == "image"; }
+  ImageEncoder* own_image() const { return own_image_.get(); }  ///< nullptr: it reads the shared one's tokens, or none
 
  private:
   struct Context;
@@ -70,6 +73,7 @@ class GraphModule : public torch::nn::Module {
   void MakeDecoder(const PolicyConfig& policy);
   torch::Tensor Query(const Context& context);
   Keys CollectKeys(const Context& context);
+  Token ImageToken(const Tokens& tokens);
   Token TokenOf(const std::string& name, const Context& context);
   Token OwnToken(const Context& context, bool as_key);
   torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
@@ -89,6 +93,7 @@ class GraphModule : public torch::nn::Module {
   std::shared_ptr<TokenHead> query_head_, key_head_, value_head_;  ///< shared attention only
   std::shared_ptr<Attention> attention_;                           ///< own attention only
   std::shared_ptr<LayerNorm> norm_;                                ///< own attention only
+  std::shared_ptr<ImageEncoder> own_image_;
   std::vector<DecoderInput> inputs_;
   std::shared_ptr<Decoder> decoder_;
 };

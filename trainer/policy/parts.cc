@@ -58,7 +58,8 @@ std::vector<std::string> ReadParts(const PolicyConfig& config, const ModuleConfi
   const auto add = [&](const std::string& name) {
     if (name != "self" && name != module.name) AddOnce(parts, name);
   };
-  for (const std::string& key : ResolveReads(config, module)) add(key);
+  for (const std::string& key : ResolveReads(config, module))
+    if (key != "image" || !module.own_image) add(key);
   add(module.query);
   for (const std::string& name : module.decoder.from) add(name);
   for (const std::string& text : module.decoder.inputs) {

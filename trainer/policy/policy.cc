@@ -269,19 +269,23 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
       inputs.token_ids.defined() ? language->ForwardIds(inputs.token_ids) : language->Forward(inputs.sentences);
   tokens.sentence =
       encoded.index_select(0, ToDevice(inputs.sentence_index, device).flatten()).view({batch, sentences, config.width});
-  const bool look = std::any_of(modules.begin(), modules.end(), [&](const auto& module) {
-    return module->config().level <= level && module->wiring().reads[0] == "image";
-  });
+  bool look = false, look_together = false;  // at the picture, and through the shared encoder
+  for (const auto& module : modules) {
+    if (module->config().level > level || !module->reads_image()) continue;
+    look = true;
+    look_together |= module->own_image() == nullptr;
+  }
   Tensor picture;
   if (look) {
-    picture = image->Forward(ToDevice(inputs.images, device), tokens.crop_origin);
+    tokens.picture = ToDevice(inputs.images, device);
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
   }
+  if (look_together) picture = image->Forward(tokens.picture, tokens.crop_origin);
   if (is_shared()) {
     tokens.joint_token = joint_token;
     tokens.joints = ToKeyAndValue("joints", joint_token);
     tokens.language = ToKeyAndValue("language", tokens.sentence);
-    if (look) tokens.image = ToKeyAndValue("image", picture);
+    if (look_together) tokens.image = ToKeyAndValue("image", picture);
   } else {
     tokens.joint_token = joints_norm->Forward(joint_token);
     tokens.joints = {tokens.joint_token, tokens.joint_token};
@@ -391,10 +395,12 @@ void Policy::Freeze(const std::vector<std::string>& parts) {
 
 const std::set<std::string>& Policy::frozen() const { return impl_->frozen; }
 
-// of all parts only the image encoder computes otherwise while it is trained
+// of all parts only image encoders compute otherwise while they are trained
 void Policy::train(bool on) {
   Module::train(on);
   if (impl_->frozen.contains("image")) impl_->image->eval();
+  for (const auto& module : impl_->modules)
+    if (module->own_image() != nullptr && impl_->frozen.contains(module->config().name)) module->own_image()->eval();
 }
 
 }  // namespace etude::policy

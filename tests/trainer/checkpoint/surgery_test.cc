@@ -389,6 +389,30 @@ TEST_F(SurgeryTest, ANewPartIsLikeAnotherAsFarAsTheyAreOfOneSize) {
   EXPECT_THAT(Do(config, {.like = {"DISP=TAR3D"}}).error().message, HasSubstr("DISP: like TAR3D, but it is copied"));
 }
 
+TEST_F(SurgeryTest, ANewModulesOwnImageEncoderBeginsAsTheSources) {
+  PolicyConfig config = WithObstacle();
+  policy::ModuleConfig looks = *FindModule(config, "TAR2D");
+  looks.name = "OBST2D";
+  looks.own_image = true;
+  looks.decoder.entity = "obstacle";
+  config.modules.push_back(looks);
+  const auto surgery = Do(config);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  int of_it = 0;
+  for (const auto& [name, tensor] : surgery->tensors) {
+    if (!name.starts_with("image.")) continue;
+    ++of_it;
+    EXPECT_TRUE(torch::equal(surgery->tensors.at("modules.OBST2D." + name), source_.tensors.at(name))) << name;
+  }
+  EXPECT_GT(of_it, 4);
+  EXPECT_EQ(surgery->alike.at("OBST2D.image"), (std::pair<std::string, int>("image", of_it)));
+
+  config.image.pixel_mean += 1;
+  const auto anew = Do(config, {.fresh = {"image"}});
+  ASSERT_TRUE(anew) << anew.error().message;
+  EXPECT_FALSE(anew->alike.contains("OBST2D.image")) << "the same weights would see something else";
+}
+
 TEST_F(SurgeryTest, ChecksItsPlan) {
   const PolicyConfig config = WithObstacle();
   EXPECT_THAT(Do(config, {.copy = {"TAR2"}}).error().message, HasSubstr("did you mean 'TAR2D'"));

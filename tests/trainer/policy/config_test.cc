@@ -202,5 +202,16 @@ TEST(ArchitectureHash, FollowsWhatShapesWeightsOnly) {
   EXPECT_NE(ArchitectureHash(config), hash);
 }
 
+TEST(PolicyConfig, AnOwnImageEncoderIsOfModulesThatLook) {
+  PolicyConfig config = Preset("compact");
+  Module(config, "TAR2D").own_image = true;
+  EXPECT_TRUE(config.Validate());
+  Module(config, "DISP").own_image = true;
+  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.own_image: the module does not read the image"));
+  Module(config, "DISP").own_image = false;
+  config.attention = "shared";
+  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR2D.own_image: needs attention: module"));
+}
+
 }  // namespace config_test
 }  // namespace etude::policy

@@ -11,9 +11,11 @@
 namespace etude::policy {
 namespace parts_test {
 
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 class PartsOfBoth : public BothAttentions {};
 INSTANTIATE_TEST_SUITE_P(Parts, PartsOfBoth, testing::Values("module", "shared"));
@@ -113,6 +115,26 @@ TEST(Freeze, KeepsPartsBitForBit) {
   }
   EXPECT_FALSE(torch::equal(policy->StateTensors().at("modules.LANG.register"), before.at("modules.LANG.register")));
   EXPECT_THAT(policy->frozen(), ElementsAre("TAR2D", "image"));
+}
+
+TEST(Freeze, KeepsAModulesOwnImageEncoderBitForBit) {
+  PolicyConfig config = TinyConfig();
+  FindModule(config, "TAR2D")->own_image = true;
+  const auto policy = MakePolicy(config);
+  policy->train();
+  policy->Freeze({"TAR2D"});
+  std::map<std::string, torch::Tensor> before;
+  for (const auto& item : policy->named_buffers()) before[item.key()] = item.value().clone();
+  (void)policy->Forward(MakeInputs(config, 4, 2));
+  int own = 0;
+  for (const auto& item : policy->named_buffers()) {
+    if (!item.key().ends_with("running_mean")) continue;
+    const bool frozen = PartOfTensor(item.key()) == "TAR2D";
+    EXPECT_EQ(torch::equal(item.value(), before.at(item.key())), frozen) << item.key();
+    own += frozen;
+  }
+  EXPECT_GT(own, 0);
+  EXPECT_THAT(ReadParts(config, *FindModule(config, "TAR2D")), Not(Contains("image")));
 }
 
 TEST(Freeze, ThawedEncodersMoveTheirStatistics) {

@@ -229,6 +229,28 @@ TEST(Policy, LoadingTensorsThatDoNotFitChangesNothing) {
   EXPECT_TRUE(torch::equal(policy->StateTensors().at("language.vectors"), before));
 }
 
+// What the shared encoder makes of the picture is nothing to a module that has its own, and the other way round.
+TEST(Policy, AModuleMayLookThroughAnEncoderOfItsOwn) {
+  PolicyConfig config = TinyConfig();
+  FindModule(config, "TAR2D")->own_image = true;
+  const auto policy = MakePolicy(config);
+  policy->eval();
+  const Inputs inputs = MakeInputs(config, 2, 2);
+  const auto pixels = [&](const char* module) { return policy->Forward(inputs).at(module).decoded.at("pixel"); };
+  const auto blind = [&](const std::string& encoder) {
+    const torch::NoGradGuard no_grad;
+    for (const char* tensor : {"narrow.weight", "position.weight"}) policy->StateTensors().at(encoder + tensor).zero_();
+  };
+  const Tensor hand = pixels("EE2D"), target = pixels("TAR2D");
+  blind("image.");
+  EXPECT_FALSE(torch::equal(pixels("EE2D"), hand));
+  EXPECT_TRUE(torch::equal(pixels("TAR2D"), target));
+  const Tensor blind_hand = pixels("EE2D");
+  blind("modules.TAR2D.image.");
+  EXPECT_FALSE(torch::equal(pixels("TAR2D"), target));
+  EXPECT_TRUE(torch::equal(pixels("EE2D"), blind_hand));
+}
+
 TEST(Policy, StateHoldsNormalisationAndRunningStatistics) {
   const auto state = MakePolicy(TinyConfig())->StateTensors();
   EXPECT_TRUE(torch::equal(state.at("normalization_offset_std"), TinyNormalization().offset_std));
