@@ -26,14 +26,12 @@ OrderedJson DescribeModules(const PolicyConfig& config, const Outputs& outputs) 
 }
 
 torch::Tensor WaypointTensor(const PolicyConfig& config, const Outputs& outputs) {
-  for (const ModuleConfig& module : config.modules) {
-    const auto output = outputs.find(module.name);
-    if (module.decoder.quantity != "trajectory" || output == outputs.end()) continue;
-    const torch::Tensor said = output->second.decoded.at("trajectory");
-    const torch::Tensor rotation = To6D(said.narrow(-1, 3, 6), module.decoder.rotation);
-    return WithRotation(said, 3, rotation).select(0, 0).select(0, 0).to(torch::kFloat32);
-  }
-  return {};
+  const ModuleConfig* module = DrivingModule(config);
+  const auto output = module ? outputs.find(module->name) : outputs.end();
+  if (output == outputs.end()) return {};
+  const torch::Tensor said = output->second.decoded.at("trajectory");
+  const torch::Tensor rotation = To6D(said.narrow(-1, 3, 6), module->decoder.rotation);
+  return WithRotation(said, 3, rotation).select(0, 0).select(0, 0).to(torch::kFloat32);
 }
 
 std::vector<float> WaypointsOf(const PolicyConfig& config, const Outputs& outputs) {

@@ -252,21 +252,26 @@ class GraphChecker {
     if (decoder.readout == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
       Report(module, "decoder.readout: soft_argmax needs a module that reads the image");
     const bool ray = decoder.readout == "ray";
-    const std::size_t wanted = decoder.readout == "difference" ? 2 : ray || decoder.readout == "relative" ? 1 : 0;
-    const std::string kind = ray ? "pixel" : "position";
+    const bool correction = decoder.readout == "correction";
+    const bool one = ray || correction || decoder.readout == "relative";
+    const std::size_t wanted = decoder.readout == "difference" ? 2 : one ? 1 : 0;
+    const std::string kind = ray ? "pixel" : correction ? "trajectory" : "position";
     if (decoder.from.size() != wanted)
       Report(module,
              fmt::format("decoder.from: {} needs {} modules, not {}", decoder.readout, wanted, decoder.from.size()));
     for (const std::string& name : decoder.from)
       if (CheckEarlier(module, "decoder.from", name) && !Decodes(*Earlier(name), kind))
         Report(module, fmt::format("decoder.from: '{}' decodes no {}", name, kind));
+      else if (correction && Earlier(name) && Earlier(name)->decoder.rotation != decoder.rotation)
+        Report(module, fmt::format("decoder.rotation: {} of what '{}' says in {}", decoder.rotation, name,
+                                   Earlier(name)->decoder.rotation));
   }
 
   void CheckInput(const ModuleConfig& module, const std::string& text) {
     const DecoderInput input = ParseDecoderInput(text);
     static const Errors kOwn{"register", "soft_argmax", "joints", "joint_token", "language"};
-    static const Errors kKinds{"register", "soft_argmax", "joints", "joint_token", "language",
-                               "class",    "task",        "pixel",  "position",    "displacement"};
+    static const Errors kKinds{"register", "soft_argmax", "joints",   "joint_token",  "language",  "class",
+                               "task",     "pixel",       "position", "displacement", "trajectory"};
     if (std::find(kKinds.begin(), kKinds.end(), input.kind) == kKinds.end()) {
       Report(module, "decoder.inputs: " + Unknown("input", input.kind, kKinds));
       return;

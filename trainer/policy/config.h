@@ -87,18 +87,19 @@ struct DecoderConfig {
   /// linear (no hidden layer) | mlp | soft_argmax (pixel: the expectation of its attention, plus what the network adds)
   /// | difference (displacement: position of from[1] - position of from[0], plus ...) | relative (trajectory: offsets
   /// from the position of from[0]) | ray (position: where the pixel of from[0] looks, through the camera that took the
-  /// picture, at the height that the network says, plus ...).
+  /// picture, at the height that the network says, plus ...) | correction (trajectory: that of from[0], plus ...).
   std::string readout = "linear";
-  std::vector<std::string> from;  ///< modules that difference, relative and ray refer to
+  std::vector<std::string> from;  ///< modules that difference, relative, ray and correction refer to
   std::string rotation = "6d";    ///< of a pose or a trajectory: 6d | euler_sincos (as printed in the paper)
   std::vector<int> hidden;        ///< widths of hidden layers
   /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean),
   /// joints (normalised), joint_token (what the joint encoder makes of them), language (the sentence's token). Of an
   /// earlier module M: register:M,
   /// soft_argmax:M, class:M, task:M (probabilities), pixel:M, position:M, displacement:M (decoded,
-  /// normalised), and fourier:position:M, fourier:displacement:M (Fourier features: sines and cosines of several
-  /// wavelengths, for decisions about millimetres), and fourier:joints (sine and cosine of each
-  /// joint's angle, what kinematics is made of).
+  /// normalised), trajectory:M (its form: offsets from its first waypoint, normalised, and the gripper), and
+  /// fourier:position:M, fourier:displacement:M (Fourier features: sines and cosines of several wavelengths, for
+  /// decisions about millimetres), and fourier:joints (sine and cosine of each joint's angle, what kinematics is made
+  /// of).
   std::vector<std::string> inputs{"register"};
   /// Decoded inputs carry no gradient back into the modules that they come from.
   bool detach = true;
@@ -107,8 +108,8 @@ struct DecoderConfig {
   void Visit(auto& v) {
     v("entity", entity, "", "target | reference | obstacle | ee | command | object:NAME");
     v("quantity", quantity, "", "class | task | pixel | position | pose | displacement | trajectory");
-    v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative | ray");
-    v("from", from, "", "modules that difference (two), relative and ray (one) refer to");
+    v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative | ray | correction");
+    v("from", from, "", "modules that difference (two), relative, ray and correction (one) refer to");
     v("rotation", rotation, "", "6d | euler_sincos, of a pose or a trajectory");
     v("hidden", hidden, "-", "widths of hidden layers");
     v("inputs", inputs, "",

@@ -229,6 +229,11 @@ Tensor GraphModule::From(const Context& context) const {
   if (from.empty()) return {};
   if (config_.decoder.readout == "ray") return RayOf(context);
   const bool detach = config_.decoder.detach || (from.size() == 2 && config_.detach);
+  if (config_.decoder.readout == "correction") {
+    const ModuleOutput& source = context.earlier[static_cast<std::size_t>(wiring_.index.at(from[0]))];
+    const Tensor plan = context.Take(source.decoded.at("trajectory"));
+    return detach ? plan.detach() : plan;
+  }
   if (from.size() == 1) return context.Take(detach ? position(from[0]).detach() : position(from[0]));
   const Tensor difference = context.Expand(position(from[1])) - context.Expand(position(from[0]));
   return detach ? difference.detach() : difference;

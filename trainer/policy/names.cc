@@ -95,4 +95,11 @@ DecoderInput ParseDecoderInput(const std::string& text) {
   return input;
 }
 
+const ModuleConfig* DrivingModule(const PolicyConfig& config) {
+  const ModuleConfig* driving = nullptr;
+  for (const ModuleConfig* module : EvaluationOrder(config))
+    if (module->decoder.quantity == "trajectory") driving = module;
+  return driving;
+}
+
 }  // namespace etude::policy

@@ -53,4 +53,7 @@ std::string AttendedEntity(const std::string& attend);
 /// The labels that the modules are trained on, each once. Rules live as long as the program.
 std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config);
 
+/// The module whose waypoints a robot drives: the last one evaluated that decodes a trajectory; nullptr: none does.
+const ModuleConfig* DrivingModule(const PolicyConfig& config);
+
 }  // namespace etude::policy

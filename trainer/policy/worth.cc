@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "services/core/check.h"
+#include "trainer/policy/names.h"
 
 namespace etude::policy {
 namespace {
@@ -40,10 +41,8 @@ std::vector<double> MovesOf(const Tensor& plans) {
 
 // (B, S', kWaypoints, 3) m; undefined: no module decodes a trajectory.
 Tensor PlansOf(const PolicyConfig& config, const Outputs& outputs) {
-  for (const ModuleConfig& module : config.modules)
-    if (module.decoder.quantity == "trajectory")
-      return outputs.at(module.name).decoded.at("trajectory").narrow(-1, 0, 3);
-  return {};
+  const ModuleConfig* module = DrivingModule(config);
+  return module ? outputs.at(module->name).decoded.at("trajectory").narrow(-1, 0, 3) : Tensor();
 }
 
 // The picture is encoded once for all sentences.

@@ -119,6 +119,27 @@ TEST(PolicyConfig, RefusesNamesThatMeanSomethingElse) {
   EXPECT_THAT(Problems(config), HasSubstr("modules.EE2D.name: stands twice"));
 }
 
+TEST(PolicyConfig, ACorrectionIsOfATrajectoryAndDrives) {
+  PolicyConfig config = Preset("compact");
+  EXPECT_EQ(DrivingModule(config)->name, "CTRL");
+  ModuleConfig added = Module(config, "CTRL");
+  added.name = "CTRL2";
+  added.decoder.readout = "correction";
+  added.decoder.from = {"CTRL"};
+  added.decoder.inputs = {"register", "trajectory:CTRL"};
+  config.modules.insert(config.modules.end(), added);
+  EXPECT_EQ(Problems(config), "");
+  EXPECT_EQ(DrivingModule(config)->name, "CTRL2");
+  Module(config, "CTRL2").decoder.rotation = "euler_sincos";
+  EXPECT_THAT(Problems(config), HasSubstr("modules.CTRL2.decoder.rotation: euler_sincos of what 'CTRL' says in 6d"));
+  Module(config, "CTRL2").decoder.from = {"DISP"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.CTRL2.decoder.from: 'DISP' decodes no trajectory"));
+  Module(config, "CTRL2").decoder.inputs = {"fourier:trajectory:CTRL"};
+  EXPECT_THAT(Problems(config), HasSubstr("Fourier features are of"));
+  std::erase_if(config.modules, [](const ModuleConfig& module) { return module.name.starts_with("CTRL"); });
+  EXPECT_EQ(DrivingModule(config), nullptr);
+}
+
 TEST(PolicyConfig, ReadoutsAreThoseOfTheQuantity) {
   PolicyConfig config = Preset("compact");
   Module(config, "CTRL").decoder.from = {"LANG"};

@@ -47,6 +47,33 @@ TEST(WorthOf, IsHowFarThePlanMovesWithoutAWord) {
   }
 }
 
+// a robot drives what the last of them says
+TEST(WorthOf, IsOfTheCorrectedPlan) {
+  PolicyConfig config = TinyConfig();
+  ModuleConfig added = *FindModule(config, "CTRL");
+  added.name = "CTRL2";
+  added.reads = {"DISP"};
+  added.attend = {};
+  added.decoder.readout = "correction";
+  added.decoder.from = {"CTRL"};
+  added.decoder.inputs = {"register", "trajectory:CTRL"};
+  config.modules.push_back(added);
+  const auto policy = MakeServing(config);
+  const torch::NoGradGuard no_grad;
+  const Inputs inputs = OneOf(config, "pick up red can");
+  const auto outputs = policy->Forward(inputs);
+  EXPECT_TRUE(torch::allclose(outputs.at("CTRL2").decoded.at("trajectory"), outputs.at("CTRL").decoded.at("trajectory"),
+                              1e-4, 1e-5))
+      << "at first";
+  policy->StateTensors().at("modules.CTRL2.decoder.layer2.bias") += 0.1;
+  const auto after = policy->Forward(inputs);
+  const Tensor driven = WaypointTensor(config, after);
+  EXPECT_FALSE(
+      torch::allclose(driven.narrow(-1, 0, 3), after.at("CTRL").decoded.at("trajectory")[0][0].narrow(-1, 0, 3)));
+  EXPECT_TRUE(torch::equal(driven.narrow(-1, 0, 3), after.at("CTRL2").decoded.at("trajectory")[0][0].narrow(-1, 0, 3)));
+  EXPECT_NEAR(WorthOf(*policy, inputs).words.at(0).moves, Apart(*policy, inputs, OneOf(config, "up red can")), 2e-6);
+}
+
 TEST(WorthOf, IsHowFarThePlanMovesWithAJointAtItsMean) {
   const PolicyConfig config = TinyConfig();
   const auto policy = MakeServing(config);

@@ -35,6 +35,7 @@ struct Decoding {
   const Normalization& normalization;
   int stride = 1;  ///< px from one image token to the next
   /// Of the modules it is decoded from, (B, S' | 1, 3) m: the position (relative), the difference of two (difference).
+  /// Of the module that is corrected (B, S' | 1, kWaypoints, kWaypointSize).
   /// (B, S', 6): where the camera is (m), and the direction in world of the pixel (ray), as viewpoint.h has it.
   const at::Tensor* from = nullptr;
 };

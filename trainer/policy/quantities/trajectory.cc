@@ -13,12 +13,15 @@ namespace {
 using torch::Tensor;
 
 constexpr int kGripper = kWaypointSize - 1;
+constexpr double kSure = 1e-4;  // a gripper's probability is corrected as a logit, which is finite from here on
 
 class Trajectory final : public Quantity {
  public:
   Trajectory() : Quantity("trajectory", "m", "waypoints over the next 120 control steps") {}
-  /// relative: offsets from the position of another module (`from: [MODULE]`).
-  std::vector<std::string> own_readouts() const override { return {"relative"}; }
+  /// relative: offsets from the position of another module (`from: [MODULE]`). correction: what is added to another
+  /// module's trajectory, at first nothing (residual policies, Silver et al. 2018).
+  std::vector<std::string> own_readouts() const override { return {"relative", "correction"}; }
+  bool starts_at_zero(const Head& head) const override { return head.readout == "correction"; }
   bool IsOf(const data::Entity& entity) const override { return entity.kind == data::Entity::Kind::kEe; }
 
   std::vector<std::int64_t> label_shape() const override { return {kWaypoints, kWaypointSize}; }
@@ -34,18 +37,32 @@ class Trajectory final : public Quantity {
   void Decode(const Head& head, const Decoding& decoding, const Tensor& raw, ModuleOutput& output) const override {
     const Normalization& n = decoding.normalization;
     const Tensor points = raw.unflatten(-1, {kWaypoints, kWaypointSize});
-    const Tensor xyz = points.narrow(-1, 0, 3);
-    const Tensor absolute = head.readout == "relative" ? decoding.from->unsqueeze(2) + n.offset_std * xyz
-                                                       : n.position_mean + n.position_std * xyz;
+    Tensor xyz = points.narrow(-1, 0, 3), rotation = points.narrow(-1, 3, 6), gripper = points.select(-1, kGripper);
+    if (head.readout == "correction") {
+      xyz = decoding.from->narrow(-1, 0, 3) + n.offset_std * xyz;
+      rotation = decoding.from->narrow(-1, 3, 6) + rotation;
+      gripper = torch::logit(decoding.from->select(-1, kGripper), kSure) + gripper;
+    } else {
+      xyz = head.readout == "relative" ? decoding.from->unsqueeze(2) + n.offset_std * xyz
+                                       : n.position_mean + n.position_std * xyz;
+    }
     output.waypoint_scale = n.offset_std.mean(-1);
-    output.gripper_logits = points.select(-1, kGripper);
-    output.decoded["trajectory"] =
-        torch::cat({absolute, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
+    output.gripper_logits = gripper;
+    output.decoded["trajectory"] = torch::cat({xyz, rotation, torch::sigmoid(gripper).unsqueeze(-1)}, -1);
   }
 
   std::vector<std::string> statistics(const Head& head) const override {
-    if (head.readout == "relative") return {"offset"};
+    if (head.readout == "relative" || head.readout == "correction") return {"offset"};
     return {"position", "offset"};
+  }
+
+  // its form alone, wherever the hand is: how far each waypoint is from the first one, and the gripper
+  int feature_width(const Head&, bool /*fourier*/) const override { return kWaypoints * 4; }
+  Tensor Feature(const ModuleOutput& output, const Normalization& n, bool /*fourier*/, bool detach) const override {
+    const Tensor& said = output.decoded.at("trajectory");
+    const Tensor plan = detach ? said.detach() : said;
+    const Tensor xyz = plan.narrow(-1, 0, 3);
+    return torch::cat({(xyz - xyz.narrow(-2, 0, 1)) / n.offset_std, plan.narrow(-1, kGripper, 1)}, -1).flatten(-2);
   }
 
   Tensor Loss(const Head& head, const LossesConfig& losses, const ModuleOutput& output, const Target& target,

@@ -126,6 +126,44 @@ TEST(Quantities, DecodeGivesBackWhatTheNetworkMeans) {
   EXPECT_EQ(output.decoded.at("pixel")[0][0][0].item<float>(), 112);
 }
 
+TEST(Quantities, ACorrectionAddsToAnothersTrajectory) {
+  const Quantity& trajectory = Named("trajectory");
+  const Head head{.readout = "correction"};
+  EXPECT_TRUE(trajectory.starts_at_zero(head));
+  Tensor plan = torch::rand({2, 1, kWaypoints, kWaypointSize});  // the gripper's probability between 0 and 1, too
+  plan.select(-1, kWaypointSize - 1).mul_(0.98).add_(0.01);
+  ModuleOutput output;
+  trajectory.Decode(head, {Unit(), 4, &plan}, torch::zeros({2, 1, kWaypoints * kWaypointSize}), output);
+  EXPECT_TRUE(torch::allclose(output.decoded.at("trajectory"), plan, 1e-5, 1e-5));
+
+  Normalization wide = Unit();
+  wide.offset_std = torch::full({kWaypoints, 3}, 0.5);
+  const Tensor ones = torch::ones({2, 1, kWaypoints * kWaypointSize});
+  trajectory.Decode(head, {wide, 4, &plan}, ones, output);
+  const Tensor change = output.decoded.at("trajectory") - plan;
+  EXPECT_TRUE(torch::allclose(change.narrow(-1, 0, 3), torch::full({2, 1, kWaypoints, 3}, 0.5), 1e-4, 1e-5));
+  EXPECT_TRUE(torch::allclose(change.narrow(-1, 3, 6), torch::ones({2, 1, kWaypoints, 6}), 1e-4, 1e-5));
+  const Tensor odds = plan.select(-1, kWaypointSize - 1) / (1 - plan.select(-1, kWaypointSize - 1)) * std::exp(1.0);
+  EXPECT_TRUE(
+      torch::allclose(output.decoded.at("trajectory").select(-1, kWaypointSize - 1), odds / (1 + odds), 1e-4, 1e-5));
+}
+
+TEST(Quantities, ATrajectoryIsReadByItsFormAlone) {
+  const Quantity& trajectory = Named("trajectory");
+  ModuleOutput here, there;
+  const Tensor plan = torch::rand({1, 1, kWaypoints, kWaypointSize});
+  Tensor moved = plan.clone();
+  moved.narrow(-1, 0, 3) += torch::tensor({0.3F, -0.2F, 0.1F});
+  here.decoded["trajectory"] = plan;
+  there.decoded["trajectory"] = moved;
+  const Tensor features = trajectory.Feature(here, Unit(), false, true);
+  ASSERT_EQ(features.size(-1), trajectory.feature_width({}, false));
+  EXPECT_TRUE(torch::allclose(features, trajectory.Feature(there, Unit(), false, true), 1e-4, 1e-5));
+  const Tensor rows = features.view({kWaypoints, 4});
+  EXPECT_TRUE(torch::allclose(rows.narrow(1, 0, 3), (plan - plan.narrow(2, 0, 1))[0][0].narrow(1, 0, 3), 1e-4, 1e-5));
+  EXPECT_TRUE(torch::equal(rows.select(1, 3), plan[0][0].select(1, kWaypointSize - 1)));
+}
+
 TEST(Quantities, OneOfManyIsLearnedByCrossEntropyAndSaidByName) {
   const Tensor origin = torch::zeros({1, 2});
   const Head head{.classes = {"push", "pick", "put_down"}};
