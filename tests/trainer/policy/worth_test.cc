@@ -67,7 +67,7 @@ TEST(WorthOf, IsOfTheCorrectedPlan) {
       << "at first";
   policy->StateTensors().at("modules.CTRL2.decoder.layer2.bias") += 0.1;
   const auto after = policy->Forward(inputs);
-  const Tensor driven = WaypointTensor(config, after);
+  const torch::Tensor driven = WaypointTensor(config, after);
   EXPECT_FALSE(
       torch::allclose(driven.narrow(-1, 0, 3), after.at("CTRL").decoded.at("trajectory")[0][0].narrow(-1, 0, 3)));
   EXPECT_TRUE(torch::equal(driven.narrow(-1, 0, 3), after.at("CTRL2").decoded.at("trajectory")[0][0].narrow(-1, 0, 3)));
