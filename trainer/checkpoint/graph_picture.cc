@@ -95,7 +95,8 @@ class Drawing {
     DrawBox("language", {"sentence, " + (language.clip_folder().empty() ? language.encoder : "clip")});
     DrawBox("joints", {metadata_.policy.joint_fourier ? "angles, sine and cosine" : "angles"});
     for (const ModuleConfig& module : metadata_.policy.modules)
-      DrawBox(module.name, {SaysText(module), ProgressText(module, metadata_)});
+      DrawBox(module.name,
+              {SaysText(module), ProgressText(module, metadata_) + (module.own_image ? " (own image encoder)" : "")});
     int width = 0, height = 0;
     for (const auto& [name, place] : places_) {
       width = std::max(width, place.x + kWidth + kMargin);

@@ -25,9 +25,10 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kTolerance = 1e-5;  // m
-// of rotations and gripper, which an untrained policy says in any size; convolutions round by how they are summed
-constexpr double kOtherTolerance = 1e-4;
+// m. Convolutions round by how they are summed, and what a trained policy says of random pictures moves with that (by up to
+// 9e-5 of those tried); what is written down wrongly is off by millimetres.
+constexpr double kTolerance = 3e-4;
+constexpr double kOtherTolerance = 3e-3;  // of rotations and gripper, which an untrained policy says in any size
 constexpr const char* kSentences[] = {"pick up the red cube", "push it", "please put the green bottle down next to me"};
 
 struct Question {
