@@ -25,8 +25,8 @@ namespace {
 
 using torch::Tensor;
 
-// m. Convolutions round by how they are summed, and what a trained policy says of random pictures moves with that (by up to
-// 9e-5 of those tried); what is written down wrongly is off by millimetres.
+// m. Convolutions round by how they are summed, and what a trained policy says of random pictures moves with that (by
+// up to 9e-5 of those tried); what is written down wrongly is off by millimetres.
 constexpr double kTolerance = 3e-4;
 constexpr double kOtherTolerance = 3e-3;  // of rotations and gripper, which an untrained policy says in any size
 constexpr const char* kSentences[] = {"pick up the red cube", "push it", "please put the green bottle down next to me"};
