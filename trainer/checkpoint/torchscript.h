@@ -25,7 +25,7 @@ namespace etude::checkpoint {
 inline constexpr const char* kTorchScriptFacts = "etude.json";
 
 /// The bytes. What they say was compared with the policy itself, on pictures and joints drawn at random and sentences
-/// of several lengths: the waypoints are the same to 0.3 mm, and mostly to 0.01 mm.
+/// of several lengths: the waypoints are the same to 1e-5.
 /// @error kInvalidArgument: no module decodes a trajectory, modules on its way are untrained, language is clip:DIR (its
 /// text encoder is not in the checkpoint); kCorrupt as BuildPolicy; kInternal: of torch, or it says something else
 Result<std::string> ToTorchScript(const Checkpoint& checkpoint);

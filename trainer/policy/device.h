@@ -23,7 +23,7 @@ torch::Tensor ToDevice(const torch::Tensor& tensor, const torch::Device& device)
 /// Whether our own kernels compute what lies on `device`.
 bool UsesOwnKernels(const torch::Device& device);
 
-/// While one lives, torch's operations compute on the CPU too: for tests, which compare the two. Any thread.
+/// While one lives, torch's operations compute on the CPU too: to compare what others compute with them. Any thread.
 class AtenOnly {
  public:
   AtenOnly();
