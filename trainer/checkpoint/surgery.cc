@@ -144,14 +144,8 @@ class Surgeon {
     for (const ModuleConfig& module : config_.modules) {
       if (!module.own_image || !surgery_.fresh.contains(module.name)) continue;
       const std::string prefix = fmt::format("modules.{}.", module.name);
-      int taken = 0;
-      for (auto& [name, tensor] : surgery_.tensors) {
-        if (!name.starts_with(prefix + "image.")) continue;
-        const auto original = source_.tensors.find(name.substr(prefix.size()));
-        if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
-        tensor.copy_(original->second);
-        ++taken;
-      }
+      const int taken = TakeAlike([&](const std::string& name) { return name.starts_with(prefix + "image."); },
+                                  [&](const std::string& name) { return name.substr(prefix.size()); });
       surgery_.alike[module.name + ".image"] = {"image", taken};
     }
   }
@@ -163,14 +157,8 @@ class Surgeon {
         problems_.push_back(fmt::format("{}: like {}, but it is copied", part, other));
         continue;
       }
-      int taken = 0;
-      for (auto& [name, tensor] : surgery_.tensors) {
-        if (policy::PartOfTensor(name) != part) continue;
-        const auto original = source_.tensors.find(NameThere(name));
-        if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
-        tensor.copy_(original->second);
-        ++taken;
-      }
+      const int taken = TakeAlike([&](const std::string& name) { return policy::PartOfTensor(name) == part; },
+                                  [&](const std::string& name) { return NameThere(name); });
       if (taken == 0) problems_.push_back(fmt::format("{}: nothing of it is as in {}", part, other));
       surgery_.alike[part] = {other, taken};
     }
@@ -213,6 +201,21 @@ class Surgeon {
   Surgery& surgery() { return surgery_; }
 
  private:
+  // Those tensors of which `is_taken` begin as the source's called `there`, if there is one of their size. How many
+  // did.
+  template <class IsTaken, class There>
+  int TakeAlike(const IsTaken& is_taken, const There& there) {
+    int taken = 0;
+    for (auto& [name, tensor] : surgery_.tensors) {
+      if (!is_taken(name)) continue;
+      const auto original = source_.tensors.find(there(name));
+      if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
+      tensor.copy_(original->second);
+      ++taken;
+    }
+    return taken;
+  }
+
   // "OBST2D=TAR2D"; the second is empty where there is none
   static std::pair<std::string, std::string> NewAndOld(const std::string& text) {
     const auto equals = text.find('=');
