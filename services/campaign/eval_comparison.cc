@@ -110,22 +110,11 @@ void Compare(const OrderedJson& first, const OrderedJson& second, const std::str
   }
 }
 
-struct Evaluation {
-  CampaignSpec spec;
-  OrderedJson report;
-};
-
-Result<Evaluation> ReadEvaluation(const Path& folder) {
-  const auto wrapped = [&](const Error& error) {
-    return Fail(error.Wrap(fmt::format("'{}' is no evaluation of `etude eval`", folder.string())));
-  };
-  const auto reader = store::DatasetReader::Open(folder / "rollouts");
-  if (!reader) return wrapped(reader.error());
-  const auto text = ReadTextFile(folder / "eval.json");
-  if (!text) return wrapped(text.error());
-  auto report = ParseBoundedJson(*text);
-  if (!report) return wrapped({Code::kCorrupt, "eval.json is not JSON"});
-  return Evaluation{reader->spec(), std::move(*report)};
+// Reports of earlier versions have no spec: it is with the rollouts then.
+Result<CampaignSpec> SpecOf(const OrderedJson& report, const Path& folder) {
+  if (report.is_object() && report.contains("spec")) return FromJson<CampaignSpec>(report["spec"], "eval.json: spec");
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder / "rollouts"));
+  return reader.spec();
 }
 
 std::string RunOf(const OrderedJson& report) {
@@ -173,6 +162,19 @@ Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& 
   json["overall"] = Counted("", pairs, &PairRow::success);
   json["overall_latched"] = Counted("", pairs, &PairRow::latched);
   return json;
+}
+
+Result<Evaluation> ReadEvaluation(const Path& folder) {
+  const auto wrapped = [&](const Error& error) {
+    return Fail(error.Wrap(fmt::format("'{}' is no evaluation of `etude eval`", folder.string())));
+  };
+  const auto text = ReadTextFile(folder / "eval.json");
+  if (!text) return wrapped(text.error());
+  auto report = ParseBoundedJson(*text);
+  if (!report) return wrapped({Code::kCorrupt, "eval.json is not JSON"});
+  auto spec = SpecOf(*report, folder);
+  if (!spec) return wrapped(spec.error());
+  return Evaluation{std::move(*spec), std::move(*report)};
 }
 
 Result<OrderedJson> CompareEvaluations(const Path& first, const Path& second) {

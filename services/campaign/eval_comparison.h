@@ -34,8 +34,16 @@ struct PairedCounts {
 /// @error kInvalidArgument: a rollout of both has another seed, task or target; kCorrupt: not a report
 Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& second);
 
-/// The same of two folders that `etude eval` wrote, whose scenes are compared first.
-/// @error as CheckSameScenes and CompareReports; kNotFound, kCorrupt: a folder is not an evaluation's
+struct Evaluation {
+  CampaignSpec spec;
+  OrderedJson report;  ///< eval.json
+};
+/// A folder that `etude eval` wrote. Its eval.json is enough: rollouts are read only where the report does not say its
+/// spec. @error kNotFound, kCorrupt: it is not an evaluation's
+Result<Evaluation> ReadEvaluation(const Path& folder);
+
+/// CompareReports of two such folders, whose scenes are compared first.
+/// @error as CheckSameScenes, CompareReports and ReadEvaluation
 Result<OrderedJson> CompareEvaluations(const Path& first, const Path& second);
 
 /// As a table. @param comparison  of CompareReports

@@ -245,6 +245,7 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
   }
   report["overall"] = Summarise("overall", all);
   AddSuites(spec, rows, report);
+  report["spec"] = ToJson(spec);
   report["per_episode"] = OrderedJson::array();
   for (const auto* row : all) report["per_episode"].push_back(RowJson(*row));
   return report;

@@ -76,7 +76,8 @@ RolloutRow RowOf(const Episode& rollout);
 /// Wilson's low and high ("success": strict, "success_latched": the authors'); rollouts with violations, by kind, and
 /// with other objects moved; error_cm and error_before_contact_cm per module: means over rollouts of their means.
 /// Before them "policy" {"run_id", "run", "sha256", "step", "file"}, "dataset", "judge" and "created" say what was
-/// evaluated. What a spec asks for beyond that is added by suite_report.h.
+/// evaluated. What a spec asks for beyond that is added by suite_report.h. "spec" is the spec itself, so that a report
+/// can be paired with another when its rollouts are gone.
 OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows,
                        const EvalSubject& subject = {});
 

@@ -23,7 +23,6 @@
 #include "services/core/printable.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
-#include "services/store/dataset.h"
 
 namespace etude::cli {
 namespace {
@@ -127,8 +126,8 @@ Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
     return Fail(Code::kInvalidArgument, "--set seed: say --seed, which never meets a collection's");
   if (arguments.compare.empty()) return spec;
   // said now, not after an hour of rollouts that cannot be paired
-  ETUDE_ASSIGN_OR_RETURN(const auto other, store::DatasetReader::Open(Path(arguments.compare) / "rollouts"));
-  ETUDE_RETURN_IF_ERROR(campaign::CheckSameScenes(spec, other.spec(), arguments.compare));
+  ETUDE_ASSIGN_OR_RETURN(const auto other, campaign::ReadEvaluation(arguments.compare));
+  ETUDE_RETURN_IF_ERROR(campaign::CheckSameScenes(spec, other.spec, arguments.compare));
   return spec;
 }
 

@@ -72,14 +72,17 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
                    changed = true;
                    if (streamed_.size() < kMostRollouts) streamed_.push_back(row);
                  });
+  // before the first report, and for reports of earlier versions
   const Path spec_file = found_.folder / "rollouts" / "dataset.json";
   if (const auto stamp = StampOf(spec_file); stamp != spec_stamp_) {
-    now_.spec = nullptr;
+    rollouts_spec_ = nullptr;
     if (const auto text = ReadTextFile(spec_file, kEvalJsonBytes))
-      if (const auto json = ParseBoundedJson(*text)) now_.spec = PartOf(*json, "spec");
+      if (const auto json = ParseBoundedJson(*text)) rollouts_spec_ = PartOf(*json, "spec");
     spec_stamp_ = stamp;
     changed = true;
   }
+  const OrderedJson& reported = PartOf(now_.report, "spec");
+  now_.spec = reported.is_object() ? reported : rollouts_spec_;
   if (auto videos = VideosIn(found_.folder / "videos"); videos != now_.videos) {
     now_.videos = std::move(videos);
     changed = true;

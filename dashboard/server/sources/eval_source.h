@@ -15,7 +15,7 @@ namespace etude::sources {
 struct EvalView {
   OrderedJson report;               ///< eval.json; an empty object before the first
   std::vector<OrderedJson> rows;    ///< its per_episode, or eval.jsonl's where that has more, by index
-  OrderedJson spec;                 ///< of its rollouts; null when there are none yet
+  OrderedJson spec;                 ///< of its campaign; null when there are no rollouts yet
   std::vector<std::string> videos;  ///< names in videos/
   double updated = 0;               ///< seconds since 1970
 };
@@ -35,6 +35,7 @@ class EvalSource {
   FileStamp report_stamp_ ETUDE_GUARDED_BY(mutex_), spec_stamp_ ETUDE_GUARDED_BY(mutex_);
   JsonLines lines_ ETUDE_GUARDED_BY(mutex_);
   std::vector<OrderedJson> streamed_ ETUDE_GUARDED_BY(mutex_);
+  OrderedJson rollouts_spec_ ETUDE_GUARDED_BY(mutex_);
   EvalView now_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const EvalView> view_ ETUDE_GUARDED_BY(mutex_);
 };

@@ -194,7 +194,9 @@ class Folders : public testing::Test {
  protected:
   void Write(const std::string& name, const CampaignSpec& spec, const std::string& outcomes) {
     ASSERT_THAT(store::DatasetWriter::Open(folder_ / name / "rollouts", spec), IsOk());
-    ASSERT_THAT(WriteFileAtomically(folder_ / name / "eval.json", ReportOf(outcomes, name).dump()), IsOk());
+    OrderedJson report = ReportOf(outcomes, name);
+    report["spec"] = ToJson(spec);
+    ASSERT_THAT(WriteFileAtomically(folder_ / name / "eval.json", report.dump()), IsOk());
   }
   TemporaryFolder folder_;
 };
@@ -207,6 +209,31 @@ TEST_F(Folders, OfTheSameScenesAreCompared) {
   const auto comparison = CompareEvaluations(folder_ / "a", folder_ / "b");
   ASSERT_THAT(comparison, IsOk());
   EXPECT_THAT(Counts((*comparison)["overall"]), ElementsAre(2, 0, 1, 0, 1));
+}
+
+TEST_F(Folders, NeedTheirReportsAlone) {
+  CampaignSpec spec;
+  Write("a", spec, "10");
+  Write("b", spec, "00");
+  for (const char* name : {"a", "b"}) std::filesystem::remove_all(folder_ / name / "rollouts");
+  ASSERT_THAT(CompareEvaluations(folder_ / "a", folder_ / "b"), IsOk());
+  spec.seed = 9;
+  Write("c", spec, "00");
+  std::filesystem::remove_all(folder_ / "c" / "rollouts");
+  EXPECT_THAT(CompareEvaluations(folder_ / "a", folder_ / "c"), MessageHas("seed (9, now 1)"));
+}
+
+TEST_F(Folders, OfReportsWithoutTheirSpecAreComparedByTheirRollouts) {
+  CampaignSpec spec;
+  for (const char* name : {"a", "b", "c"}) {
+    if (std::string(name) == "c") spec.seed = 9;
+    Write(name, spec, "10");
+    OrderedJson report = ReportOf("10", name);
+    ASSERT_EQ(report.erase("spec"), 1u);
+    ASSERT_THAT(WriteFileAtomically(folder_ / name / "eval.json", report.dump()), IsOk());
+  }
+  ASSERT_THAT(CompareEvaluations(folder_ / "a", folder_ / "b"), IsOk());
+  EXPECT_THAT(CompareEvaluations(folder_ / "a", folder_ / "c"), MessageHas("seed (9, now 1)"));
 }
 
 TEST_F(Folders, OfOtherScenesAreRefused) {
