@@ -173,12 +173,13 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto presence, ClaimName(participant, spec, sink->folder(), options));
   const std::string id = presence.presence().id;
   const std::uint64_t epoch = presence.presence().epoch;
+  // before anything is committed, files may still be mended: what failed before is tried again
+  const bool begun = !sink->committed().empty();
+  if (!begun) ETUDE_RETURN_IF_ERROR(ForgetFailures(sink->folder()));
   const History history = ReadHistory(sink->folder(), spec);
   LeaseTable table = MakeTable(spec, *sink, history, options, epoch);
   ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(sink->folder(), spec));
   ETUDE_ASSIGN_OR_RETURN(auto topics, CollectorTopics::Open(participant, {spec.name, id}, options));
-  // before anything is committed, files may still be mended
-  const bool begun = !sink->committed().empty();
   std::unique_ptr<Impl> impl(new Impl{.spec = spec,
                                       .spec_sha256 = SpecHash(spec),
                                       .options = options,

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "services/campaign/recheck_table.h"
@@ -19,6 +21,8 @@ namespace {
 
 // How the last collector ended, where it could say so.
 constexpr const char* kEnded = "ended";
+// Lines of attempts.jsonl, as text, that do not count: those before the last ForgetFailures.
+constexpr const char* kForgotten = "forgotten_attempts";
 
 Path CollectorFile(const Path& folder) { return folder / "collector.json"; }
 
@@ -94,6 +98,12 @@ Status RememberStop(const Path& folder) { return Remember(folder, kEnded, "stopp
 
 bool KnownStopped(const Path& folder) { return Known(folder, kEnded) == "stopped"; }
 
+Status ForgetFailures(const Path& folder) {
+  std::uint64_t lines = 0;
+  store::ForEachAttempt(folder, [&](const store::AttemptLine&) { ++lines; });
+  return lines == 0 ? Status() : Remember(folder, kForgotten, std::to_string(lines));
+}
+
 Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism) {
   std::optional<std::pair<Path, std::string>> files;
   std::optional<std::pair<Path, Fingerprint>> host;
@@ -137,7 +147,12 @@ LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) 
 History ReadHistory(const Path& folder, const CampaignSpec& spec) {
   History history;
   std::set<std::pair<std::uint64_t, std::uint32_t>> seen;
+  std::uint64_t forgotten = std::strtoull(Known(folder, kForgotten).value_or("0").c_str(), nullptr, 10);
   store::ForEachAttempt(folder, [&](const store::AttemptLine& line) {
+    if (forgotten > 0) {
+      --forgotten;
+      return;
+    }
     const auto retry = RetryOf(spec, line.outcome);
     if (retry == LeaseTable::Retry::kSameAttempt) {
       ++history.failures[line.outcome];  // and nothing of the index's own attempts

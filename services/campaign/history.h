@@ -42,6 +42,10 @@ Status RememberShard(const Path& folder, const std::string& shard);
 Status RememberStop(const Path& folder);
 bool KnownStopped(const Path& folder);
 
+/// No attempt that has failed in `folder` counts any more: there is no episode yet, and the files that the attempts
+/// were made of may have been mended since. Their lines stay. Durable when it returns. @error as RememberFiles
+Status ForgetFailures(const Path& folder);
+
 /// Whether the collectors of these folders, shards of one campaign, took episodes of hosts that agree: each compared
 /// its workers with its own first one. Folders that know of none are passed over.
 /// @param determinism  what hosts must agree in, as the spec says it   @error kInvalidArgument: which line differs
@@ -62,7 +66,8 @@ struct History {
 
 /// attempts.jsonl. Lines that are torn or not understood are skipped: the attempt is made again.
 /// A line that stands twice (a crash between recording and leasing) counts once, unless the same attempt
-/// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures.
+/// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures. Lines before
+/// the last ForgetFailures do not count.
 History ReadHistory(const Path& folder, const CampaignSpec& spec);
 
 /// What follows from a failed attempt of this outcome.

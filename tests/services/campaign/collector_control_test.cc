@@ -224,6 +224,30 @@ TEST_F(CollectorControl, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterAResta
   }
 }
 
+// A robot file that lets nothing succeed, mended: the dataset is the one that the mended file makes from the start.
+TEST_F(CollectorControl, FilesThatWereMendedBeforeTheFirstEpisodeBeginAnew) {
+  CampaignSpec spec = Spec("mended", 1);
+  spec.max_attempts = 2;
+  {
+    Running running(std::move(*Open(spec, folder_ / "data")));
+    RawWorker worker(*participant_, spec, running->id(), "before", "a");
+    for (std::uint32_t attempt = 0; attempt < 2; ++attempt) {
+      const bus::Lease lease = worker.Ask();
+      ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+      EXPECT_EQ(lease.attempt, attempt);
+      worker.Report(lease, running->id(), SpecHash(spec));
+    }
+    EXPECT_TRUE(WaitFor([&] { return running->progress().given_up == 1; }));
+  }
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker worker(*participant_, spec, running->id(), "after", "b");
+  const bus::Lease lease = worker.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+  EXPECT_EQ(lease.attempt, 0u);
+  EXPECT_EQ(worker.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
+  EXPECT_TRUE(running->progress().failures.empty());
+}
+
 TEST_F(CollectorControl, HostsWhoseBytesDifferFromTheFirstOnesAreRefusedUnlessTheCampaignAllowsThem) {
   CampaignSpec spec = Spec("hosts", 4);
   const auto refused_at_start = [&](int start, const char* determinism) {

@@ -120,6 +120,26 @@ not json
   EXPECT_EQ(history.failures.at("dropped"), 1u);
 }
 
+TEST(ReadHistory, DoesNotCountWhatWasForgotten) {
+  TemporaryFolder folder;
+  ASSERT_TRUE(ForgetFailures(folder.path())) << "nothing has failed: nothing to remember";
+  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
+  std::string lines = R"({"index": 3, "attempt": 0, "outcome": "plan_failed"})"
+                      "\nnot json\n"
+                      R"({"index": 3, "attempt": 1, "outcome": "plan_failed"})"
+                      "\n";
+  ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
+  ASSERT_TRUE(ForgetFailures(folder.path()));
+  EXPECT_TRUE(ReadHistory(folder.path(), {}).indices.empty());
+  EXPECT_EQ(ReadHistory(folder.path(), {}).total, 0u);
+
+  lines += R"({"index": 3, "attempt": 0, "outcome": "plan_failed"})"
+           "\n";
+  ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
+  EXPECT_EQ(ReadHistory(folder.path(), {}).indices.at(3).next_attempt, 1u) << "the same attempt, made again";
+  EXPECT_EQ(LastEpoch(folder.path()).value(), 1u);
+}
+
 TEST(ReadHistory, ARolloutWithoutASceneIsNeverTriedAgain) {
   TemporaryFolder folder;
   ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", R"({"index": 3, "attempt": 0, "outcome": "scene_invalid"})"
