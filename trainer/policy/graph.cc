@@ -116,14 +116,18 @@ Tensor GraphModule::Query(const Context& context) {
                            : register_;
     return own.expand({context.batch, context.sentences, width_});
   }
-  const auto index = static_cast<std::size_t>(wiring_.index.at(config_.query));
-  const Tensor& other = context.earlier[index].register_token;
-  return context.Expand(Detaches(*wiring_.earlier[index]) ? other.detach() : other);
+  return context.Expand(RegisterOf(config_.query, context));
+}
+
+const ModuleOutput& GraphModule::OutputOf(const std::string& module, const Context& context) const {
+  return context.earlier[static_cast<std::size_t>(wiring_.index.at(module))];
 }
 
 // Nothing but its readers trains what a module says that decodes nothing: they carry their gradient to it.
-bool GraphModule::Detaches(const ModuleConfig& source) const {
-  return config_.detach && !source.decoder.quantity.empty();
+Tensor GraphModule::RegisterOf(const std::string& module, const Context& context) const {
+  const ModuleConfig& source = *wiring_.earlier[static_cast<std::size_t>(wiring_.index.at(module))];
+  const Tensor& token = OutputOf(module, context).register_token;
+  return config_.detach && !source.decoder.quantity.empty() ? token.detach() : token;
 }
 
 // Its own register as a key; with own attention that is its query itself.
@@ -141,9 +145,7 @@ Token GraphModule::TokenOf(const std::string& name, const Context& context) {
   if (name == "language") return context.tokens.language;
   if (name == "joints") return context.tokens.joints;
   if (name == "self") return OwnToken(context, true);
-  const auto index = static_cast<std::size_t>(wiring_.index.at(name));
-  const Tensor& reg = context.earlier[index].register_token;
-  const Tensor token = Detaches(*wiring_.earlier[index]) ? reg.detach() : reg;
+  const Tensor token = RegisterOf(name, context);
   return {token, token};
 }
 
@@ -195,13 +197,11 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, c
   if (input.kind == "joint_token") return context.tokens.joint_token;
   if (input.kind == "language") return context.tokens.sentence;
   const bool foreign = !input.module.empty();
-  const auto index = foreign ? static_cast<std::size_t>(wiring_.index.at(input.module)) : 0;
-  const ModuleOutput& source = foreign ? context.earlier[index] : own;
-  const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };
-  if (input.kind == "register") return pass(source.register_token, foreign && Detaches(*wiring_.earlier[index]));
+  const ModuleOutput& source = foreign ? OutputOf(input.module, context) : own;
+  if (input.kind == "register") return foreign ? RegisterOf(input.module, context) : source.register_token;
   if (input.kind == "soft_argmax") {
     const Tensor pixels = torch::cat({source.head_soft_argmax.flatten(2), source.soft_argmax}, -1);
-    return pass(pixels, foreign && config_.detach) / kPixelScale - 1;
+    return (foreign && config_.detach ? pixels.detach() : pixels) / kPixelScale - 1;
   }
   const bool detach = config_.decoder.detach || config_.detach;
   return FindQuantity(input.kind)->Feature(source, normalization_, input.fourier, detach);
@@ -210,8 +210,7 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, c
 // (B, S', 6): where the camera is, and which way another module's pixel looks
 torch::Tensor GraphModule::RayOf(const Context& context) const {
   TORCH_CHECK(context.tokens.viewpoint.defined(), "module ", config_.name, " needs to know the camera");
-  const ModuleOutput& source = context.earlier[static_cast<std::size_t>(wiring_.index.at(config_.decoder.from[0]))];
-  const Tensor decoded = context.Expand(source.decoded.at("pixel"));
+  const Tensor decoded = context.Expand(OutputOf(config_.decoder.from[0], context).decoded.at("pixel"));
   const Tensor pixel = config_.decoder.detach || config_.detach ? decoded.detach() : decoded;
   const Tensor viewpoint = context.tokens.viewpoint.unsqueeze(1);  // (B, 1, 12)
   const Tensor matrix = viewpoint.narrow(-1, 3, 9).unflatten(-1, {3, 3});
@@ -222,16 +221,13 @@ torch::Tensor GraphModule::RayOf(const Context& context) const {
 
 // As Decoding::from; undefined without `from`
 Tensor GraphModule::From(const Context& context) const {
-  const auto position = [&](const std::string& module) {
-    return PositionOf(context.earlier[static_cast<std::size_t>(wiring_.index.at(module))]);
-  };
+  const auto position = [&](const std::string& module) { return PositionOf(OutputOf(module, context)); };
   const auto& from = config_.decoder.from;
   if (from.empty()) return {};
   if (config_.decoder.readout == "ray") return RayOf(context);
   const bool detach = config_.decoder.detach || (from.size() == 2 && config_.detach);
   if (config_.decoder.readout == "correction") {
-    const ModuleOutput& source = context.earlier[static_cast<std::size_t>(wiring_.index.at(from[0]))];
-    const Tensor plan = context.Take(source.decoded.at("trajectory"));
+    const Tensor plan = context.Take(OutputOf(from[0], context).decoded.at("trajectory"));
     return detach ? plan.detach() : plan;
   }
   if (from.size() == 1) return context.Take(detach ? position(from[0]).detach() : position(from[0]));

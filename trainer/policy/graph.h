@@ -44,7 +44,7 @@ struct Wiring {
   std::map<std::string, int> index;  ///< of every earlier module
   std::vector<const ModuleConfig*> earlier;
   bool depends_on_sentence = false;
-  bool first_sentence_only = false;  ///< while training: a trajectory nobody else reads
+  bool first_sentence_only = false;  ///< while training: a trajectory that no others but such read
 };
 
 /// The paper's parameters that modules share: heads of tokens, one attention a level.
@@ -80,7 +80,9 @@ class GraphModule : public torch::nn::Module {
   void Decode(const Context& context, ModuleOutput& output);
   torch::Tensor From(const Context& context) const;
   torch::Tensor RayOf(const Context& context) const;
-  bool Detaches(const ModuleConfig& source) const;
+  /// Of an earlier module.
+  const ModuleOutput& OutputOf(const std::string& module, const Context& context) const;
+  torch::Tensor RegisterOf(const std::string& module, const Context& context) const;
 
   ModuleConfig config_;
   Wiring wiring_;

@@ -91,16 +91,28 @@ bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring, const s
   });
 }
 
-/// Names of modules that some other module uses.
-std::set<std::string> UsedModules(const PolicyConfig& config) {
-  std::set<std::string> used;
-  for (const ModuleConfig& module : config.modules) {
-    for (const std::string& key : ResolveReads(config, module)) used.insert(key);
-    for (const std::string& input : module.decoder.inputs) used.insert(ParseDecoderInput(input).module);
-    used.insert(module.query);
-    used.insert(module.decoder.from.begin(), module.decoder.from.end());
-  }
+/// Names of the modules whose outputs `module` uses, encoders' among them.
+std::set<std::string> UsedBy(const PolicyConfig& config, const ModuleConfig& module) {
+  const auto reads = ResolveReads(config, module);
+  std::set<std::string> used(reads.begin(), reads.end());
+  for (const std::string& input : module.decoder.inputs) used.insert(ParseDecoderInput(input).module);
+  used.insert(module.query);
+  used.insert(module.decoder.from.begin(), module.decoder.from.end());
   return used;
+}
+
+/// Names of trajectories that nothing uses but such trajectories: only the demonstrated command has any.
+std::set<std::string> TrajectoriesAlone(const PolicyConfig& config) {
+  std::set<std::string> alone, used;
+  auto order = EvaluationOrder(config);
+  std::reverse(order.begin(), order.end());
+  for (const ModuleConfig* module : order) {
+    if (module->decoder.quantity == "trajectory" && !used.contains(module->name))
+      alone.insert(module->name);
+    else
+      used.merge(UsedBy(config, *module));
+  }
+  return alone;
 }
 
 }  // namespace
@@ -165,7 +177,7 @@ void Policy::RegisterModules() {
   Impl& p = *impl_;
   const PolicyConfig& config = p.config;
   const auto graph = register_module("modules", std::make_shared<torch::nn::Module>());
-  const std::set<std::string> used = UsedModules(config);
+  const std::set<std::string> alone = TrajectoriesAlone(config);
   std::set<std::string> dependent;
   Wiring wiring;
   for (const ModuleConfig* module : EvaluationOrder(config)) {
@@ -174,7 +186,7 @@ void Policy::RegisterModules() {
     std::stable_partition(wiring.reads.begin(), wiring.reads.end(),
                           [](const std::string& key) { return key == "image"; });
     wiring.depends_on_sentence = DependsOnSentence(*module, wiring, dependent);
-    wiring.first_sentence_only = module->decoder.quantity == "trajectory" && !used.contains(module->name);
+    wiring.first_sentence_only = alone.contains(module->name);
     if (wiring.depends_on_sentence) dependent.insert(module->name);
     p.modules.push_back(graph->register_module(
         module->name, std::make_shared<GraphModule>(config, *module, wiring, p.normalization, p.image->grid())));

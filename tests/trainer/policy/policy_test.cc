@@ -251,6 +251,44 @@ TEST(Policy, AModuleMayLookThroughAnEncoderOfItsOwn) {
   EXPECT_TRUE(torch::equal(pixels("EE2D"), blind_hand));
 }
 
+// The others have no demonstration, so that training need not work them out; nor what such a trajectory corrects.
+TEST(Policy, TrainsTrajectoriesOnTheFirstSentenceAlone) {
+  PolicyConfig config = TinyConfig();
+  ModuleConfig added = *FindModule(config, "CTRL");
+  added.name = "CTRL2";
+  added.reads = {"DISP"};
+  added.attend = {};
+  added.decoder.readout = "correction";
+  added.decoder.from = {"CTRL"};
+  added.decoder.inputs = {"register", "trajectory:CTRL"};
+  config.modules.push_back(added);
+  const auto plans = [](const PolicyConfig& graph, bool training) {
+    const auto policy = MakePolicy(graph);
+    policy->train(training);
+    const Outputs outputs = policy->Forward(MakeInputs(graph, 2, 3));
+    return std::pair(outputs.at("CTRL").decoded.at("trajectory"), outputs.at("CTRL2").decoded.at("trajectory"));
+  };
+  const auto [served, served_corrected] = plans(config, false);
+  EXPECT_EQ(served.size(1), 3);
+  EXPECT_EQ(served_corrected.size(1), 3);
+  const auto [first, first_corrected] = plans(config, true);
+  EXPECT_EQ(first.size(1), 1);
+  EXPECT_EQ(first_corrected.size(1), 1);
+
+  // one that says something of every sentence needs all of them
+  ModuleConfig reader = *FindModule(config, "LANG");
+  reader.name = "LATE";
+  reader.level = config.modules.back().level + 1;
+  reader.reads = {"CTRL"};
+  reader.attend = {};
+  config.modules.push_back(reader);
+  const auto [read, corrected] = plans(config, true);
+  EXPECT_EQ(read.size(1), 3);
+  EXPECT_EQ(corrected.size(1), 1);
+  EXPECT_LT(MaxDifference(first, read.narrow(1, 0, 1)), 1e-5);
+  EXPECT_LT(MaxDifference(first_corrected, corrected), 1e-5);
+}
+
 TEST(Policy, StateHoldsNormalisationAndRunningStatistics) {
   const auto state = MakePolicy(TinyConfig())->StateTensors();
   EXPECT_TRUE(torch::equal(state.at("normalization_offset_std"), TinyNormalization().offset_std));
