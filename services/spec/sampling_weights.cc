@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ranges>
 #include <set>
+#include <vector>
 
 #include "services/core/check.h"
 #include "services/core/hash.h"
@@ -69,22 +69,23 @@ class Means {
   Sum all_;
 };
 
-template <class Range>
-double SpreadOf(const Range& weights) {
-  const auto [least, most] = std::ranges::minmax(weights);
-  return most / least;
+double SpreadOf(const std::vector<double*>& weights) {
+  const auto [least, most] = std::ranges::minmax_element(weights, {}, [](const double* weight) { return *weight; });
+  return **most / **least;
 }
 
 // The kinds multiply, and each within its bound would let a task, noun and place that meet come the ratio's cube as
 // often: by one power, so that what errs more than another still weighs more.
 void BoundProduct(double ratio, SamplingWeights& weights) {
-  auto tasks = std::views::values(weights.tasks), objects = std::views::values(weights.objects);
-  const double spread = SpreadOf(tasks) * SpreadOf(objects) * SpreadOf(weights.places);
+  std::vector<double*> tasks, objects, places;
+  for (auto& [name, weight] : weights.tasks) tasks.push_back(&weight);
+  for (auto& [name, weight] : weights.objects) objects.push_back(&weight);
+  for (double& weight : weights.places) places.push_back(&weight);
+  const double spread = SpreadOf(tasks) * SpreadOf(objects) * SpreadOf(places);
   if (spread <= ratio) return;
   const double power = std::log(ratio) / std::log(spread);
-  for (double& weight : tasks) weight = std::pow(weight, power);
-  for (double& weight : objects) weight = std::pow(weight, power);
-  for (double& weight : weights.places) weight = std::pow(weight, power);
+  for (const auto* kind : {&tasks, &objects, &places})
+    for (double* weight : *kind) *weight = std::pow(*weight, power);
 }
 
 // What is wrong with a cell; "" when nothing is.

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <map>
-#include <ranges>
 #include <set>
 
 #include "dashboard/server/api/context.h"
@@ -205,8 +204,9 @@ OrderedJson ProcessJson(const monitor::Heard<bus::ProcessStatus>& heard) {
 // Those that are not workers first: of a host with hundreds of workers they are the ones to be seen.
 OrderedJson ProcessesJson(std::vector<const monitor::Heard<bus::ProcessStatus>*> processes, std::size_t most) {
   std::ranges::stable_partition(processes, [](const auto* process) { return process->message.role != "worker"; });
+  if (processes.size() > most) processes.resize(most);
   OrderedJson json = OrderedJson::array();
-  for (const auto* process : processes | std::views::take(most)) json.push_back(ProcessJson(*process));
+  for (const auto* process : processes) json.push_back(ProcessJson(*process));
   return json;
 }
 
