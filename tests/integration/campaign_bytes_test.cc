@@ -67,12 +67,13 @@ struct Chaos {
   std::uint64_t seed = 0;
   int slots = 0;  // > 0: of one host, which leases ahead, and whose children are killed instead
   std::map<std::string, std::string> environment = {};
+  Path program = WorkerProgram();
 };
 
 class CampaignBytes : public testing::Test {
  protected:
   static Process StartWorker(const Path& log, const Chaos& chaos) {
-    std::vector<std::string> argv{WorkerProgram().string(), "--campaign", "bytes", "--domain", std::to_string(kDomain)};
+    std::vector<std::string> argv{chaos.program.string(), "--campaign", "bytes", "--domain", std::to_string(kDomain)};
     argv.insert(argv.end(), {"--slots", std::to_string(chaos.slots)});
     auto process = Process::Start({argv, log, chaos.environment});
     EXPECT_TRUE(process) << (process ? "" : process.error().message);
@@ -174,6 +175,18 @@ TEST_F(CampaignBytes, AreTheSameFromAHostOfThreeSlotsWhoseChildrenAreKilled) {
   const auto killed = Collect(spec, folder / "killed", {.kills = 6, .seed = 5, .slots = 3});
   EXPECT_EQ(store::HashDataset(folder / "killed").value(), hash);
   EXPECT_TRUE(killed == singles);
+}
+
+// ETUDE_OTHER_BUILD: a build folder, of another compiler (`tests/run compilers`).
+TEST_F(CampaignBytes, AreTheSameOfTwoBuilds) {
+  const char* other = std::getenv("ETUDE_OTHER_BUILD");
+  if (other == nullptr) GTEST_SKIP() << "ETUDE_OTHER_BUILD names the build folder of another compiler";
+  const CampaignSpec spec = Mixed();
+  TemporaryFolder folder;
+  const auto ours = Collect(spec, folder / "ours", {.workers = 2});
+  const auto theirs = Collect(spec, folder / "theirs", {.workers = 2, .program = Path(other) / "bin" / "etude-worker"});
+  EXPECT_EQ(store::HashDataset(folder / "theirs").value(), store::HashDataset(folder / "ours").value());
+  EXPECT_TRUE(theirs == ours) << "the files themselves are equal, byte for byte";
 }
 
 // `etude-worker --fingerprint` with this environment.
