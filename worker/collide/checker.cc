@@ -200,11 +200,11 @@ void Checker::Impl::FindSelfPiecePairs() {
     }
   }
   PlaceArm(scene->arm().q_home);
-  const auto close = std::ranges::stable_partition(self_pairs, [&](const PiecePair& pair) {
+  const auto close = std::stable_partition(self_pairs.begin(), self_pairs.end(), [&](const PiecePair& pair) {
     const Piece &a = pieces[pair.first], &b = pieces[pair.second];
     return Distance(a.shape(), a.X_WG(), b.shape(), b.X_WG()) > 2 * internal::kSelfRoom;
   });
-  apart_pairs = static_cast<int>(self_pairs.size() - close.size());
+  apart_pairs = static_cast<int>(close - self_pairs.begin());
 }
 
 void Checker::Impl::SetMargin(double new_margin) {

@@ -203,7 +203,8 @@ OrderedJson ProcessJson(const monitor::Heard<bus::ProcessStatus>& heard) {
 
 // Those that are not workers first: of a host with hundreds of workers they are the ones to be seen.
 OrderedJson ProcessesJson(std::vector<const monitor::Heard<bus::ProcessStatus>*> processes, std::size_t most) {
-  std::ranges::stable_partition(processes, [](const auto* process) { return process->message.role != "worker"; });
+  std::stable_partition(processes.begin(), processes.end(),
+                        [](const auto* process) { return process->message.role != "worker"; });
   if (processes.size() > most) processes.resize(most);
   OrderedJson json = OrderedJson::array();
   for (const auto* process : processes) json.push_back(ProcessJson(*process));
