@@ -63,7 +63,8 @@ void Push(Track& track, int columns, std::initializer_list<double> values) {
 std::vector<Vector3d> Places(std::size_t count, Rng& rng) {
   std::vector<Vector3d> places;
   while (places.size() < count) {
-    const Vector3d place(rng.Uniform(-0.35, 0.35), rng.Uniform(-0.25, 0.3), kObjectRadius);
+    const double y = rng.Uniform(-0.25, 0.3);  // a statement each: arguments have no order
+    const Vector3d place(rng.Uniform(-0.35, 0.35), y, kObjectRadius);
     const bool free = std::all_of(places.begin(), places.end(),
                                   [&](const Vector3d& other) { return (other - place).norm() > 2.2 * kObjectRadius; });
     if (free) places.push_back(place);

@@ -77,7 +77,8 @@ Drawing DrawOrange(Rng& rng) {
   const Color skin = Pick(rng, {{.96, .52, .06}, {.93, .42, .05}, {.98, .62, .12}, {.88, .36, .06}}, 0.03);
   const double pores = rng.Uniform(0.045, 0.065);
   const bool has_leaf = rng.Bernoulli(0.5);
-  const Vector2d navel(rng.Uniform(-0.25, 0.25), rng.Uniform(0.35, 0.5));
+  const double navel_y = rng.Uniform(0.35, 0.5);  // a statement each: arguments have no order
+  const Vector2d navel(rng.Uniform(-0.25, 0.25), navel_y);
   const double green = rng.Uniform(0, 0.35);
   const std::uint32_t seed = NoiseSeed(rng);
   const Leaf leaf{navel, rng.Uniform(0.2, 2.8), rng.Uniform(0.4, 0.5), rng.Uniform(0.12, 0.17), {.16, .42, .12}};
