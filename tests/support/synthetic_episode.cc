@@ -144,7 +144,8 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
   episode.instruction =
       episode.task == "put_down" ? "put down the " + episode.target : episode.task + " the " + episode.target;
   for (const auto& name : spec.objects) episode.objects.emplace_back().name = name;
-  const Vector3d start(rng.Uniform(-0.3, 0.3), rng.Uniform(-0.2, 0.2), rng.Uniform(0.25, 0.4));
+  const double z = rng.Uniform(0.25, 0.4), y = rng.Uniform(-0.2, 0.2);
+  const Vector3d start(rng.Uniform(-0.3, 0.3), y, z);
   const Vector3d grasp = places[target];
 
   // two thirds of the time to the target, then straight up with it
