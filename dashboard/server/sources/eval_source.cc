@@ -81,14 +81,14 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
     spec_stamp_ = stamp;
     changed = true;
   }
-  const OrderedJson& reported = PartOf(now_.report, "spec");
-  now_.spec = reported.is_object() ? reported : rollouts_spec_;
   if (auto videos = VideosIn(found_.folder / "videos"); videos != now_.videos) {
     now_.videos = std::move(videos);
     changed = true;
   }
   refreshed_ = MonotonicClock::now();
   if (!changed) return view_;
+  const OrderedJson& reported = PartOf(now_.report, "spec");
+  now_.spec = reported.is_object() ? reported : rollouts_spec_;
   now_.rows = Merged(now_.report, streamed_);
   now_.updated = std::max(report_stamp_.modified_s(), lines_.stamp().modified_s());
   view_ = std::make_shared<const EvalView>(now_);

@@ -64,6 +64,20 @@ modules:
   return *config;
 }
 
+/// With CTRL2, which corrects what CTRL plans and drives.
+inline PolicyConfig CorrectedConfig() {
+  PolicyConfig config = TinyConfig();
+  ModuleConfig added = *FindModule(config, "CTRL");
+  added.name = "CTRL2";
+  added.reads = {"DISP"};
+  added.attend = {};
+  added.decoder.readout = "correction";
+  added.decoder.from = {"CTRL"};
+  added.decoder.inputs = {"register", "trajectory:CTRL"};
+  config.modules.push_back(added);
+  return config;
+}
+
 inline Normalization TinyNormalization(int joints = 3) {
   return {.joint_mean = torch::full({joints}, 0.1),
           .joint_std = torch::full({joints}, 0.5),

@@ -253,15 +253,7 @@ TEST(Policy, AModuleMayLookThroughAnEncoderOfItsOwn) {
 
 // The others have no demonstration, so that training need not work them out; nor what such a trajectory corrects.
 TEST(Policy, TrainsTrajectoriesOnTheFirstSentenceAlone) {
-  PolicyConfig config = TinyConfig();
-  ModuleConfig added = *FindModule(config, "CTRL");
-  added.name = "CTRL2";
-  added.reads = {"DISP"};
-  added.attend = {};
-  added.decoder.readout = "correction";
-  added.decoder.from = {"CTRL"};
-  added.decoder.inputs = {"register", "trajectory:CTRL"};
-  config.modules.push_back(added);
+  PolicyConfig config = CorrectedConfig();
   const auto plans = [](const PolicyConfig& graph, bool training) {
     const auto policy = MakePolicy(graph);
     policy->train(training);

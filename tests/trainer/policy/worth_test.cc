@@ -49,15 +49,7 @@ TEST(WorthOf, IsHowFarThePlanMovesWithoutAWord) {
 
 // a robot drives what the last of them says
 TEST(WorthOf, IsOfTheCorrectedPlan) {
-  PolicyConfig config = TinyConfig();
-  ModuleConfig added = *FindModule(config, "CTRL");
-  added.name = "CTRL2";
-  added.reads = {"DISP"};
-  added.attend = {};
-  added.decoder.readout = "correction";
-  added.decoder.from = {"CTRL"};
-  added.decoder.inputs = {"register", "trajectory:CTRL"};
-  config.modules.push_back(added);
+  const PolicyConfig config = CorrectedConfig();
   const auto policy = MakeServing(config);
   const torch::NoGradGuard no_grad;
   const Inputs inputs = OneOf(config, "pick up red can");
