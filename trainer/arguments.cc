@@ -119,7 +119,7 @@ Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
   std::string source = arguments.config.empty() ? "compact" : arguments.config;
   if (arguments.resume && arguments.config.empty()) source = saved.string();
   ETUDE_ASSIGN_OR_RETURN(auto config, learn::LoadTrainConfig(source, experiments, Overrides(arguments), ReadGraph));
-  if (arguments.minutes > 0 || arguments.steps > 0) {
+  if (arguments.minutes != 0 || arguments.steps > 0) {  // what is no time at all is refused with the rest
     config.minutes = arguments.minutes;
     config.steps = arguments.steps;
   }

@@ -37,9 +37,10 @@ bool HasState(const Path& out) {
   return std::filesystem::exists(out / "training_state.safetensors", ignored);
 }
 
-// Of a trainer that starts itself again: a run that began with other weights goes on by hand.
+// Of a trainer that starts itself again: a run that began with other weights or modules, which --resume refuses to be
+// told again, goes on by hand.
 std::optional<std::vector<std::string>> GoingOn(const Arguments& arguments) {
-  if (!arguments.init.empty() && !arguments.resume) return std::nullopt;
+  if (!arguments.resume && (!arguments.init.empty() || !arguments.add.empty())) return std::nullopt;
   return HasState(arguments.out) ? std::vector<std::string>{"--resume"} : std::vector<std::string>();
 }
 

@@ -266,15 +266,25 @@ class Maker {
   std::set<std::string> collected_;  // datasets that are whole
 };
 
+template <class Item>
+bool Wanted(const std::vector<Item>& list, const Item& item) {
+  return list.empty() || std::ranges::find(list, item) != list.end();
+}
+
 // The table of what was measured, whoever measured it, and its records beside it.
 struct Table {
   Path file;
   ResultRecords records;
 
   Path record_file() const { return Path(file).replace_extension(".json"); }
-  std::string Text(const ResultsConfig& config) const {
+  /// @param only  names of rows, which are shown beside those that they are compared with; none: all
+  std::string Text(const ResultsConfig& config, const std::vector<std::string>& only = {}) const {
+    std::set<std::string> shown;
+    for (const auto& row : config.rows)
+      if (Wanted(only, row.name)) shown.insert({row.name, row.compare});
     std::vector<ResultLine> lines;
-    for (const auto& row : config.rows) lines.push_back({&row, records.Find(row)});
+    for (const auto& row : config.rows)
+      if (shown.contains(row.name)) lines.push_back({&row, records.Find(row)});
     return ResultsTable(lines);
   }
   // After every seed: a long table is worth something before its end. What others have kept meanwhile stays.
@@ -288,11 +298,6 @@ struct Table {
     return WriteFileAtomically(file, Text(config));
   }
 };
-
-template <class Item>
-bool Wanted(const std::vector<Item>& list, const Item& item) {
-  return list.empty() || std::ranges::find(list, item) != list.end();
-}
 
 Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config) {
   for (const auto& name : arguments.only)
@@ -340,7 +345,7 @@ Status Results(const ResultsArguments& arguments) {
   }
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   ETUDE_RETURN_IF_ERROR(table.Save(config));
-  fmt::print("{}", table.Text(config));
+  fmt::print("{}", table.Text(config, arguments.only));
   if (failed) return Fail(*failed);
   return {};
 }

@@ -57,13 +57,13 @@ Status Grammar::Check(const Command& command) const {
   return {};
 }
 
-std::string Grammar::Sample(const Command& command, Style style, Rng& rng) const {
+std::string Grammar::Sample(const Command& command, Style style, Rng& rng, double masked) const {
   const Status status = Check(command);
   ETUDE_CHECK(status.has_value(), "{}", status.error().message);
   if (style == Style::kTemplate) return DrawTemplate(*vocabulary_, command, rng);
   std::string sentence;
   do {
-    sentence = DrawVaried(*vocabulary_, command, rng);
+    sentence = DrawVaried(*vocabulary_, command, masked, rng);
     if (style == Style::kNoisy)
       for (std::uint64_t typos = rng.Below(3); typos > 0; --typos) AddTypo(sentence, rng);
   } while (Vocabulary::HasHeldOut(sentence));

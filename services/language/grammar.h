@@ -54,7 +54,9 @@ class Grammar {
   static Result<Grammar> LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks = {});
 
   /// One sentence for `command`, which Check accepts, drawn with `rng`.
-  std::string Sample(const Command& command, Style style, Rng& rng) const;
+  /// @param masked  which share (0..1) of the noun phrases of kVaried and kNoisy have a word of random letters in place
+  /// of an adjective or a noun, where the other one tells the object from all the `objects` of LoadFor ("xqv cube")
+  std::string Sample(const Command& command, Style style, Rng& rng, double masked = 0) const;
   /// All template sentences of `command`, which Check accepts.
   std::vector<std::string> Templates(const Command& command) const;
 

@@ -53,8 +53,18 @@ const Strings& Others(const std::string& words) {
   return negative ? ObstacleLexicon().any_other : ObstacleLexicon().others;
 }
 
+// The phrase of `adjective` and `head` with one of them a word of random letters, where the other tells the object.
+std::string Masked(const Vocabulary::Noun& noun, const std::string& adjective, const std::string& head, Rng& rng) {
+  const bool without_adjective = !adjective.empty() && noun.telling.contains(head);
+  const bool without_head = !head.empty() && noun.telling.contains(adjective);
+  if (!without_adjective && !without_head) return JoinWords(adjective, head);
+  const bool first = without_adjective && (!without_head || rng.Bernoulli(0.5));
+  const std::string strange = StrangeWord(rng);
+  return first ? JoinWords(strange, head) : JoinWords(adjective, strange);
+}
+
 // Half of them of base words, each as often as the others however much the rule makes of it.
-std::string DrawPhrase(const Vocabulary::Noun& noun, Rng& rng) {
+std::string DrawPhrase(const Vocabulary::Noun& noun, double masked, Rng& rng) {
   while (true) {
     std::string adjective = Pick(noun.base.adjectives, rng), head = Pick(noun.base.nouns, rng);
     const Strings &adjectives = noun.adjectives.at(adjective), &heads = noun.nouns.at(head);
@@ -66,7 +76,9 @@ std::string DrawPhrase(const Vocabulary::Noun& noun, Rng& rng) {
         head = Pick(heads, rng);
     }
     std::string phrase = JoinWords(adjective, head);
-    if (noun.phrases.contains(phrase)) return phrase;
+    if (!noun.phrases.contains(phrase)) continue;
+    if (masked > 0 && rng.Bernoulli(masked)) phrase = Masked(noun, adjective, head, rng);
+    return phrase;
   }
 }
 
@@ -87,14 +99,15 @@ Strings BaseObstacles(const Vocabulary& vocabulary, const std::string& obstacle,
 }
 
 // the object next to which, or of which to keep clear
-std::string DrawReference(const Vocabulary& vocabulary, const std::string& object, Rng& rng) {
+std::string DrawReference(const Vocabulary& vocabulary, const std::string& object, double masked, Rng& rng) {
   const std::string article = rng.Bernoulli(0.75) ? "the" : rng.Bernoulli(0.5) ? "that" : "";
-  return JoinWords(article, DrawPhrase(*vocabulary.FindNoun(object), rng));
+  return JoinWords(article, DrawPhrase(*vocabulary.FindNoun(object), masked, rng));
 }
 
 // verb and object, and where to put it; `verb_first` says whether it begins with the verb
-std::string DrawAction(const Vocabulary& vocabulary, const Command& command, Rng& rng, bool& verb_first) {
-  std::string noun = DrawPhrase(*vocabulary.FindNoun(command.target), rng);
+std::string DrawAction(const Vocabulary& vocabulary, const Command& command, double masked, Rng& rng,
+                       bool& verb_first) {
+  std::string noun = DrawPhrase(*vocabulary.FindNoun(command.target), masked, rng);
   if (rng.Bernoulli(0.6)) {
     const std::string article = rng.Bernoulli(0.5) ? "the" : Pick(Articles(), rng);
     const bool vowel = std::string("aeiou").find(noun[0]) != std::string::npos;
@@ -108,7 +121,7 @@ std::string DrawAction(const Vocabulary& vocabulary, const Command& command, Rng
 
   const auto& places = vocabulary.place(command.task);
   const std::string& place = Pick(rng.Bernoulli(0.5) ? places.base : places.all, rng);
-  const std::string there = place + " " + DrawReference(vocabulary, command.reference, rng);
+  const std::string there = place + " " + DrawReference(vocabulary, command.reference, masked, rng);
   verb_first = rng.Bernoulli(0.7);
   return verb_first ? action + " " + there : there + " " + action;
 }
@@ -124,10 +137,11 @@ std::string DrawKeeping(const Vocabulary& vocabulary, bool ahead, Rng& rng) {
 }
 
 std::string AddObstacle(const Vocabulary& vocabulary, const Command& command, const std::string& action, bool ahead,
-                        Rng& rng) {
+                        double masked, Rng& rng) {
   const std::string words = DrawKeeping(vocabulary, ahead, rng);
-  const std::string obstacle =
-      command.obstacle == kEverythingElse ? Pick(Others(words), rng) : DrawReference(vocabulary, command.obstacle, rng);
+  const std::string obstacle = command.obstacle == kEverythingElse
+                                   ? Pick(Others(words), rng)
+                                   : DrawReference(vocabulary, command.obstacle, masked, rng);
   return Keeping(words, obstacle, action, ahead);
 }
 
@@ -208,12 +222,12 @@ std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Comman
   return kept;
 }
 
-std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng& rng) {
+std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, double masked, Rng& rng) {
   bool verb_first = true;
-  std::string sentence = DrawAction(vocabulary, command, rng, verb_first);
+  std::string sentence = DrawAction(vocabulary, command, masked, rng, verb_first);
   if (!command.obstacle.empty()) {
     const bool ahead = verb_first && rng.Bernoulli(0.4);
-    sentence = AddObstacle(vocabulary, command, sentence, ahead, rng);
+    sentence = AddObstacle(vocabulary, command, sentence, ahead, masked, rng);
     verb_first = verb_first && !IsAdverbial(sentence);
   }
   if (verb_first && rng.Bernoulli(0.15)) sentence = JoinWords(Pick(Openings(), rng), sentence);
@@ -240,11 +254,16 @@ void AddTypo(std::string& text, Rng& rng) {
   }
 }
 
+std::string StrangeWord(Rng& rng) {
+  std::string word;
+  for (std::uint64_t letters = 3 + rng.Below(7); letters > 0; --letters) word += static_cast<char>('a' + rng.Below(26));
+  return word;
+}
+
 void AddStrangeWord(std::string& text, Rng& rng) {
   std::vector<std::size_t> starts{0};
   for (std::size_t at = text.find(' '); at != std::string::npos; at = text.find(' ', at + 1)) starts.push_back(at + 1);
-  std::string word;
-  for (std::uint64_t letters = 3 + rng.Below(7); letters > 0; --letters) word += static_cast<char>('a' + rng.Below(26));
+  const std::string word = StrangeWord(rng);
   const std::uint64_t place = rng.Below(starts.size() + 1);
   if (place == starts.size())
     text += " " + word;

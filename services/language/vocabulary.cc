@@ -154,6 +154,39 @@ void Vocabulary::ChoosePhrases() {
   }
 }
 
+// A part of several words tells it where one of them does: a base word that is no other's base word, or what the rule
+// makes of one and says of no other.
+void Vocabulary::ChooseTelling(const std::vector<std::string>& objects) {
+  using WordsOf = std::map<std::string, std::set<const Noun*>>;  // word -> nouns whose phrases have it
+  WordsOf base, all;
+  const auto add = [](const auto& phrases, const Noun* noun, WordsOf& words) {
+    for (const auto& phrase : phrases)
+      for (const auto& word : Split(phrase)) words[word].insert(noun);
+  };
+  for (const auto& object : objects) {
+    const Noun* const noun = FindNoun(object);
+    if (!noun) continue;
+    add(BasePhrases(noun->base), noun, base);
+    add(AllPhrases(*noun), noun, all);
+  }
+  for (auto& [object, noun] : nouns_) {
+    noun.telling.clear();
+    const std::set<const Noun*> itself{&noun};
+    const auto tells = [&](const std::string& part, const WordsOf& words) {
+      return std::ranges::any_of(Split(part), [&](const auto& word) {
+        const auto it = words.find(word);
+        return it != words.end() && it->second == itself;
+      });
+    };
+    for (const auto* parts : {&noun.adjectives, &noun.nouns})
+      for (const auto& [part, others] : *parts) {
+        if (tells(part, base)) noun.telling.insert(part);
+        for (const auto& other : others)
+          if (tells(other, all)) noun.telling.insert(other);
+      }
+  }
+}
+
 Status Vocabulary::AddOwn(const OwnObject& object) {
   const auto refuse = [&](const std::string& why) {
     return Fail(Code::kInvalidArgument, fmt::format("words of object '{}': {}", object.name, why));
@@ -262,6 +295,7 @@ Result<Vocabulary> Vocabulary::Load(const std::vector<OwnObject>& own, const std
   vocabulary.touch_ = vocabulary.ExpandAll({ObstacleLexicon().touch}, Part::kVerb);
   for (const auto& object : own) ETUDE_RETURN_IF_ERROR(vocabulary.AddOwn(object));
   vocabulary.ChoosePhrases();
+  vocabulary.ChooseTelling(vocabulary.objects_);
   return vocabulary;
 }
 
@@ -270,8 +304,11 @@ Result<Vocabulary> Vocabulary::LoadFor(const std::vector<std::string>& objects, 
   std::vector<OwnObject> own;
   for (const auto& object : objects)
     if (!vocabulary.FindNoun(object)) own.push_back({object, {}});
-  if (own.empty()) return vocabulary;
-  return Load(own, tasks);
+  if (!own.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(vocabulary, Load(own, tasks));
+  }
+  if (!objects.empty()) vocabulary.ChooseTelling(objects);
+  return vocabulary;
 }
 
 }  // namespace etude::language

@@ -31,13 +31,16 @@ class Vocabulary {
     /// All that is said. A phrase of base words belongs to its object alone; one that the rule makes of two objects is
     /// said of neither, and what is held out of none.
     std::set<std::string> phrases;
+    /// Those of its adjectives and nouns that tell it from the others of a training, whatever stands beside them.
+    std::set<std::string> telling;
   };
   struct Words {
     std::vector<std::string> base, all;  ///< all: with base and synonyms
   };
 
   static Result<Vocabulary> Load(const std::vector<OwnObject>& own, const std::vector<std::string>& tasks);
-  /// With every one of `objects` that has no built-in words called by its name.
+  /// Of a training about `objects`: every one of them that has no built-in words is called by its name, and what tells
+  /// one tells it from the others of them (of Load: from all there are).
   static Result<Vocabulary> LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks);
 
   const Noun* FindNoun(const std::string& object) const;  ///< of the object or of its class; or nullptr
@@ -59,6 +62,7 @@ class Vocabulary {
   Status AddOwn(const OwnObject& object);
   void AddTasks(const std::vector<TaskName>& tasks);
   void ChoosePhrases();
+  void ChooseTelling(const std::vector<std::string>& objects);
   std::vector<std::string> Expand(const std::string& phrase, Part part) const;
   std::vector<std::string> ExpandAll(const std::vector<std::string>& phrases, Part part) const;
 

@@ -77,8 +77,8 @@ Status CheckOneName(const Part& first, const Part& other) {
   if (differences.empty()) return {};
   return Fail(
       Code::kInvalidArgument,
-      fmt::format("merge: '{}' and '{}' are of one spec, but not of one {}; `etude train --data A B` reads both, "
-                  "each with its own",
+      fmt::format("merge: '{}' and '{}' are of one spec, but not of one {}; where they have no episode in common, "
+                  "`etude train --data A B` reads both, each with its own",
                   first.reader.path().string(), other.reader.path().string(),
                   fmt::join(differences, " and not of one ")));
 }

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "trainer/policy/architecture.h"
@@ -80,6 +81,46 @@ Names UnnamedReads(const PolicyConfig& config, const std::string& part) {
   return reads;
 }
 
+// Of the modules that share attention, by its part.
+struct Sharers {
+  Names frozen, learning;
+};
+std::map<std::string, Sharers> SharersOf(const PolicyConfig& config, const Names& freeze) {
+  std::map<std::string, Sharers> sharers;
+  if (config.attention != "shared") return sharers;
+  for (const ModuleConfig* module : policy::EvaluationOrder(config)) {
+    Sharers& of = sharers[policy::AttentionPartOf(config, *module)];
+    (Contains(freeze, module->name) ? of.frozen : of.learning).push_back(module->name);
+  }
+  return sharers;
+}
+
+// A module computes with what its level shares: where that learns, none of them stays as it is.
+Names MovedByAttention(const PolicyConfig& config, const Names& freeze) {
+  Names problems;
+  for (const auto& [attention, modules] : SharersOf(config, freeze))
+    if (!Contains(freeze, attention) && !modules.frozen.empty())
+      problems.push_back(fmt::format("{0}: frozen, but {1}, which their level shares, learns: freeze {1} too{2}",
+                                     fmt::join(modules.frozen, ", "), attention,
+                                     modules.learning.empty() ? ""
+                                                              : fmt::format(" ({} would learn with it as it is)",
+                                                                            fmt::join(modules.learning, ", "))));
+  return problems;
+}
+
+// Whether a module's decoder adds what it reads to what its first layer makes of it: where both are as wide.
+bool AddsItsInputs(const Tensors& tensors, const std::string& part) {
+  const std::string decoder = fmt::format("modules.{}.decoder.", part);
+  if (!tensors.contains(decoder + "layer1.weight")) return false;
+  std::int64_t columns = 0, rows = 0;
+  for (const auto& [name, tensor] : tensors) {
+    if (!name.starts_with(decoder + "from.")) continue;
+    columns += tensor.size(1);
+    rows = tensor.size(0);
+  }
+  return columns == rows;
+}
+
 /// Makes the tensors part by part.
 class Surgeon {
  public:
@@ -119,6 +160,7 @@ class Surgeon {
     if (!Contains(theirs_, part)) problems.push_back("the checkpoint has no such part");
     if (problems.empty()) problems = DifferencesOfMeaning(source_.metadata.policy, config_, part);
     if (problems.empty()) CompareReads(part, problems);
+    if (problems.empty()) CompareResidual(part, problems);
     for (auto& [name, tensor] : surgery_.tensors) {
       if (policy::PartOfTensor(name) != part || !problems.empty()) continue;
       const auto original = source_.tensors.find(name);
@@ -223,17 +265,18 @@ class Surgeon {
     return {text.substr(0, equals), text.substr(equals + 1)};
   }
 
-  // A tensor's name with every new part called as the old one that it is like, as whole words.
-  std::string NameThere(std::string name) const {
-    const auto is_end = [](char c) { return c == '.' || c == ':'; };
-    for (const auto& [part, other] : like_) {
-      for (auto at = name.find(part); at != std::string::npos; at = name.find(part, at + other.size())) {
-        const bool whole =
-            (at == 0 || is_end(name[at - 1])) && (at + part.size() == name.size() || is_end(name[at + part.size()]));
-        if (whole) name.replace(at, part.size(), other);
-      }
+  // A tensor's name with every new part called as the old one that it is like, each word once: two parts may swap.
+  std::string NameThere(const std::string& name) const {
+    std::string there;
+    for (std::size_t begin = 0; begin <= name.size();) {
+      const std::size_t end = std::min(name.find_first_of(".:", begin), name.size());
+      const std::string word = name.substr(begin, end - begin);
+      const auto found = std::ranges::find(like_, word, &std::pair<std::string, std::string>::first);
+      there += found == like_.end() ? word : found->second;
+      if (end < name.size()) there += name[end];
+      begin = end + 1;
     }
-    return name;
+    return there;
   }
 
   void CompareReads(const std::string& part, Names& problems) {
@@ -242,6 +285,19 @@ class Surgeon {
       if (!Contains(now, key)) problems.push_back(fmt::format("reads.{} is there and not here", key));
     for (const auto& key : now)
       if (!Contains(before, key)) surgery_.grown[part].push_back("reads." + key);
+  }
+
+  // New inputs begin with zero columns, and change its answers all the same where its own inputs are added to them.
+  void CompareResidual(const std::string& part, Names& problems) const {
+    const bool there = AddsItsInputs(source_.tensors, part), here = AddsItsInputs(surgery_.tensors, part);
+    if (there != here)
+      problems.push_back(fmt::format("its decoder's first layer {} its inputs to its outputs, being as wide",
+                                     there ? "adds there and not here" : "adds here and not there"));
+    const ModuleConfig *before = FindModule(source_.metadata.policy, part), *now = FindModule(config_, part);
+    if (there && here && before && now && before->decoder.inputs != now->decoder.inputs)
+      problems.push_back(
+          fmt::format("decoder.inputs are [{}] there and [{}] here, and are added to what is made of them",
+                      fmt::join(before->decoder.inputs, ", "), fmt::join(now->decoder.inputs, ", ")));
   }
 
   // What is new to it begins as nothing, or as noise, and stays so: all that is added for it would be in vain.
@@ -261,25 +317,11 @@ class Surgeon {
           if (!Contains(plan_.freeze, read)) surgery_.moved[part].push_back(read);
   }
 
-  // A module computes with what its level shares: where that learns, none of them stays as it is.
   void CheckFrozenAttention() {
-    if (config_.attention != "shared") return;
-    std::map<std::string, std::pair<Names, Names>> users;  // frozen, and learning
-    for (const ModuleConfig* module : policy::EvaluationOrder(config_)) {
-      auto& [frozen, learning] = users[policy::AttentionPartOf(config_, *module)];
-      (Contains(plan_.freeze, module->name) ? frozen : learning).push_back(module->name);
-    }
-    for (const auto& [attention, modules] : users) {
-      const auto& [frozen, learning] = modules;
-      if (Contains(plan_.freeze, attention)) {
-        if (!learning.empty()) surgery_.frozen_attention[attention] = learning;
-      } else if (!frozen.empty()) {
-        problems_.push_back(fmt::format(
-            "{0}: frozen, but {1}, which their level shares, learns: freeze {1} too{2}", fmt::join(frozen, ", "),
-            attention,
-            learning.empty() ? "" : fmt::format(" ({} would learn with it as it is)", fmt::join(learning, ", "))));
-      }
-    }
+    for (const auto& [attention, modules] : SharersOf(config_, plan_.freeze))
+      if (Contains(plan_.freeze, attention) && !modules.learning.empty())
+        surgery_.frozen_attention[attention] = modules.learning;
+    std::ranges::move(MovedByAttention(config_, plan_.freeze), std::back_inserter(problems_));
   }
 
   void Grow(const std::string& part, const std::string& name, torch::Tensor& tensor, Names& problems) {
@@ -316,6 +358,12 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   surgeon.CheckFrozen();
   surgeon.surgery().differences = Differences(here, source.metadata.embodiment);
   return surgeon.Done();
+}
+
+Status CheckFreeze(const PolicyConfig& config, const std::vector<std::string>& freeze) {
+  const Names problems = MovedByAttention(config, freeze);
+  if (problems.empty()) return {};
+  return Fail(Code::kInvalidArgument, fmt::format("init.freeze: {}", fmt::join(problems, "; ")));
 }
 
 std::set<std::string> Unsettled(const PolicyConfig& config, const Surgery& surgery) {

@@ -48,6 +48,10 @@ struct Surgery {
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 
+/// That what is frozen stays what it is: a module computes with the attention that its level shares.
+/// @error kInvalidArgument: of frozen modules those whose shared attention learns
+Status CheckFreeze(const policy::PolicyConfig& config, const std::vector<std::string>& freeze);
+
 /// Of copied modules those that read, themselves or through others, what begins anew or has grown: what they were
 /// measured at was another network.
 std::set<std::string> Unsettled(const policy::PolicyConfig& config, const Surgery& surgery);

@@ -22,7 +22,8 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(batch >= 1 && batch <= 4096, fmt::format("batch: {} not in 1..4096", batch));
   require(sentences >= 1 && sentences <= 64, fmt::format("sentences: {} not in 1..64", sentences));
   require(sentence_variants >= 1, fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
-  require(strange >= 0 && strange <= 1, "strange: not in 0..1");
+  for (const double share : {strange, masked})
+    require(share >= 0 && share <= 1, fmt::format("strange, masked: {} not in 0..1", share));
   require(varied >= 0 && noisy >= 0 && varied + noisy <= 1, "varied, noisy: fractions with a sum of at most 1");
   require(clauses >= 0 && clauses <= 1, fmt::format("clauses: {} not in 0..1", clauses));
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
@@ -72,7 +73,7 @@ class SentenceBook {
     if (const auto it = by_key_.find(key); it != by_key_.end()) return it->second;
     Rng rng(MixSeed({seed_}, key));
     const auto style = augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
-    std::string sentence = grammar_.Sample(command, style, rng);
+    std::string sentence = grammar_.Sample(command, style, rng, config_.masked);
     if (augment_ == Augment::kYes && config_.strange > 0 && rng.Bernoulli(config_.strange))
       language::AddStrangeWord(sentence, rng);
     const auto [it, fresh] = by_text_.emplace(sentence, static_cast<std::int64_t>(sentences.size()));

@@ -22,6 +22,7 @@ struct DataConfig {
   double varied = 0.4;        ///< fraction of sentences with synonyms and free word order
   double noisy = 0.3;         ///< fraction that has typing errors too; the rest are plain templates
   double strange = 0;         ///< fraction with a word of random letters among theirs: unheard words are passed over
+  double masked = 0;          ///< of noun phrases, with a word of random letters for one that the other makes up for
   double clauses = 0;         ///< fraction of relabelled sentences with something to keep off or a second object
   int jitter = 4;             ///< +- px, random place of the crop
   double brightness = 0.06;   ///< +- fraction of 255
@@ -43,6 +44,8 @@ struct DataConfig {
     v("noisy", noisy, "-", "share that has typing errors too");
     v("strange", strange, "-",
       "share with a word of random letters among theirs, so that unheard words are passed over");
+    v("masked", masked, "-",
+      "share of noun phrases with random letters in place of a word that they can do without: 'push xqv cube'");
     v("clauses", clauses, "-", "share of relabelled sentences that also say what to keep off, or name a second object");
     v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
     v("brightness", brightness, "-", "of 255, changed by up to this share");

@@ -101,9 +101,16 @@ Result<std::shared_ptr<const Snapshot>> FixedSplit(const Snapshot& snapshot, Spl
   if (!wanted.empty()) {
     std::vector<std::string> missing;
     std::ranges::transform(wanted, std::back_inserter(missing), NumberText);
-    return Fail(Code::kInvalidArgument, fmt::format("validation episodes {} of the run are not in the dataset: is it "
-                                                    "the one that the run was trained on (several: in the same order)?",
-                                                    fmt::join(missing, ", ")));
+    if (episodes.empty())
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("validation episodes {} of the run are not in the dataset: is it the one that the run was "
+                      "trained on (several: in the same order)?",
+                      fmt::join(missing, ", ")));
+    Log().warn(
+        "validation episodes {} of the run are not in the dataset any more: the {} that are left are validated "
+        "on",
+        fmt::join(missing, ", "), episodes.size());
   }
   return std::make_shared<const Snapshot>(std::move(episodes));
 }
@@ -186,11 +193,15 @@ Status Dataset::CheckFolders(const std::vector<std::vector<std::uint64_t>>& indi
       std::vector<std::uint64_t> both;
       std::ranges::set_intersection(indices[first], indices[second], std::back_inserter(both));
       if (!both.empty())
-        return Fail(Code::kInvalidArgument,
-                    fmt::format("train on '{}' and '{}': they are of one spec, and both have episode {}{}; give one of "
-                                "them, or make one of both (`etude dataset merge`)",
-                                path(first).string(), path(second).string(), both.front(),
-                                both.size() > 1 ? fmt::format(" and {} more", both.size() - 1) : ""));
+        return Fail(
+            Code::kInvalidArgument,
+            fmt::format("train on '{}' and '{}': they are of one spec, and both have episode {}{}; give one of "
+                        "them{}",
+                        path(first).string(), path(second).string(), both.front(),
+                        both.size() > 1 ? fmt::format(" and {} more", both.size() - 1) : "",
+                        spec(first).name == spec(second).name && ToJson(spec(first).split) == ToJson(spec(second).split)
+                            ? ", or make one of both (`etude dataset merge`)"
+                            : ""));
     }
   for (std::size_t folder = 0; folder < readers_.size() && readers_.size() > 1; ++folder)
     if (!indices[folder].empty() && indices[folder].back() >> EpisodeEntry::kIndexBits)

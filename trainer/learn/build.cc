@@ -188,8 +188,10 @@ int CopiesOf(const TrainingRun& run) {
   // more of them keep the cores of a CPU busy; a CUDA device is with one
   if (!run.options.device.is_cpu()) return 1;
   if (run.config.threads.replicas > 0) return run.config.threads.replicas;
-  if (run.options.replicas > 0) return run.options.replicas;
-  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int ranks = run.options.ranks ? run.options.ranks->size() : 1;
+  const int cores = run.options.replicas > 0 ? run.options.replicas
+                                             : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return std::clamp(run.config.data.batch / ranks / ThreadsConfig::kFewestPictures, 1, cores);
 }
 
 Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics) {
@@ -301,8 +303,10 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
   AddWords(state.words, run);
   run.step = state.step;
   run.elapsed_before = state.elapsed_s;
-  run.best_stage = state.best_stage;
-  if (state.best_stage > 0) run.best_score = state.best_score;
+  // a score on other episodes says nothing about the next one
+  const bool same_validation = run.validation->episodes().size() == state.validation.size();
+  run.best_stage = same_validation ? state.best_stage : 0;
+  if (run.best_stage > 0) run.best_score = state.best_score;
   run.checkpoint_step = state.checkpoint_step;
   run.evaluation.metrics = state.metrics;
   return {};
@@ -316,6 +320,7 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
   if (run.options.resume) {
     ETUDE_ASSIGN_OR_RETURN(state, LoadRunState(run.options.out / "training_state.safetensors"));
     ETUDE_RETURN_IF_ERROR(CheckFits(*state, run));
+    ETUDE_RETURN_IF_ERROR(checkpoint::CheckFreeze(run.config.policy, run.config.init.freeze));
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
@@ -331,6 +336,11 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
   ETUDE_ASSIGN_OR_RETURN(run.validation, data::FixedSplit(snapshot, data::Split::kValid,
                                                           state ? state->validation : std::vector<std::uint64_t>{}));
   run.optimizer = std::make_unique<Optimizer>(run.config.optimizer, policies);
+  if (run.optimizer->size() == 0)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("init.freeze: {}: that is all there is, and nothing is left to train: leave a part out, or "
+                            "add a module",
+                            fmt::join(run.config.init.freeze, ", ")));
   if (state) ETUDE_RETURN_IF_ERROR(RestoreState(*state, run));
   const auto copies = static_cast<int>(policies.size());
   const Ranks* ranks = run.options.ranks.get();

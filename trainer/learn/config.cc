@@ -115,7 +115,8 @@ Status TrainConfig::Validate() const {
   const auto require = [&](bool good, std::string message) {
     if (!good) errors.push_back(std::move(message));
   };
-  require(minutes >= 0, fmt::format("minutes: {} must be >= 0", minutes));
+  // what is not finite cannot be saved either
+  require(minutes >= 0 && minutes <= kMostMinutes, fmt::format("minutes: {} not in 0..{:.0f}", minutes, kMostMinutes));
   require(ema >= 0 && ema < 1, fmt::format("ema: {} not in 0..1", ema));
   require(optimizer.lr > 0, fmt::format("optimizer.lr: {} must be > 0", optimizer.lr));
   for (double beta : {optimizer.beta1, optimizer.beta2})

@@ -60,14 +60,20 @@ struct CheckpointConfig {
   }
 };
 
+inline constexpr double kMostMinutes = 1e6;  ///< about two years
+
 struct ThreadsConfig {
   /// Copies of the network, each on its own part of the batch with its own thread; gradients are
-  /// averaged. Small networks run faster so than with threads inside each operation. 0: one a core.
+  /// averaged. Small networks run faster so than with threads inside each operation. 0: one a core, as far as each has
+  /// kFewestPictures of a batch: it normalises by those alone, and what is served by many.
   int replicas = 0;
   int intra_op = 1;  ///< threads inside an operation, per replica
 
+  static constexpr int kFewestPictures = 8;
+
   void Visit(auto& v) {
-    v("replicas", replicas, "-", "copies of the network, each on its own part of the batch; 0: one a core");
+    v("replicas", replicas, "-",
+      "copies of the network, each on its own part of the batch; 0: one a core, while each has 8 pictures");
     v("intra_op", intra_op, "-", "threads inside an operation, for each replica");
   }
 };

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string_view>
 
+#include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/episode/viewpoint.h"
 #include "services/language/held_out.h"
@@ -217,6 +218,24 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   return metrics;
 }
 
+namespace {
+
+// Those of `chunk` that can be read, which is all that is left of it: what a file that went away held is not validated
+// on, and ends no training.
+Status MakeReadable(const ValidationSet& set, std::vector<data::Sample>& chunk, data::FrameScratch& scratch,
+                    data::Batch& arrays, std::size_t& unreadable) {
+  while (!chunk.empty()) {
+    std::size_t bad = 0;
+    const Status made = set.maker.Make(set.snapshot, chunk, 0, data::Augment::kNo, scratch, arrays, &bad);
+    if (made || made.error().code == Code::kInvalidArgument) return made;
+    if (++unreadable == 1) Log().warn("a validation picture that cannot be read is left out: {}", made.error().message);
+    chunk.erase(chunk.begin() + static_cast<std::ptrdiff_t>(bad));
+  }
+  return {};
+}
+
+}  // namespace
+
 Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit) {
   const auto& samples = set.samples;
   if (samples.empty()) return Fail(Code::kNotFound, "evaluate: the validation split has no frames");
@@ -225,17 +244,22 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
   data::Batch arrays;
   data::FrameScratch scratch;
   Status status;
+  std::size_t visited = 0, unreadable = 0;
   for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(set.batch)) {
     const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(set.batch));
-    const std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
-                                          samples.begin() + static_cast<std::ptrdiff_t>(end));
-    status = set.maker.Make(set.snapshot, chunk, 0, data::Augment::kNo, scratch, arrays);
+    std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
+                                    samples.begin() + static_cast<std::ptrdiff_t>(end));
+    status = MakeReadable(set, chunk, scratch, arrays, unreadable);
     if (!status) break;
+    if (chunk.empty()) continue;
+    visited += chunk.size();
     const Part part = PartOf(arrays, 0, arrays.size, policy.device());
     visit(chunk, part, policy.Forward(part.inputs, set.level));
   }
   policy.train();
   if (!status) return Fail(status.error().Wrap("evaluate"));
+  if (visited == 0)
+    return Fail(Code::kUnavailable, fmt::format("evaluate: none of {} validation pictures can be read", unreadable));
   return {};
 }
 
@@ -243,7 +267,9 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
                             const std::vector<data::Sample>& samples, int level, int batch) {
   Sums sums;
   double loss = 0;
+  std::size_t measured = 0;
   const auto measure = [&](const std::vector<data::Sample>& chunk, const Part& part, const policy::Outputs& outputs) {
+    measured += chunk.size();
     loss +=
         policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() * static_cast<double>(chunk.size());
     for (const auto& module : policy.config().modules) {
@@ -255,7 +281,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
   };
   ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));
   Evaluation result = Summarize(policy.config(), sums);
-  result.metrics["loss"] = loss / static_cast<double>(samples.size());
+  result.metrics["loss"] = loss / static_cast<double>(measured);
   return result;
 }
 

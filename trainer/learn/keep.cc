@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "services/core/crash_point.h"
 #include "services/core/disk_wait.h"
@@ -78,15 +79,23 @@ RunState StateOf(const TrainingRun& run) {
 
 }  // namespace
 
-Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::function<Status()>& write) {
+Status WriteOrWait(TrainingRun& run, const std::string& what, const std::function<Status()>& write) {
   constexpr std::chrono::seconds kPause{1};
-  return WriteWhenThereIsRoom(what, write, kPause, [&run] {
+  const double waited_before = run.waited;
+  std::optional<Stopwatch> waiting;
+  // counted before each try: the state that is written says how long was trained
+  const auto counted_write = [&] {
+    if (waiting) run.waited = waited_before + waiting->Seconds();
+    return write();
+  };
+  return WriteWhenThereIsRoom(what, counted_write, kPause, [&] {
+    if (!waiting) waiting.emplace();
     if (run.options.source) (void)run.options.source();  // training asks it for its words
     if (run.options.ranks) run.options.ranks->KeepWaiting();
   });
 }
 
-Status KeepConfig(const TrainingRun& run) {
+Status KeepConfig(TrainingRun& run) {
   OrderedJson config = ToJson(run.config);
   // for people: reading it back passes it over, --data says it
   for (std::size_t folder = 0; folder < run.dataset->folders() && run.dataset->folders() > 1; ++folder)

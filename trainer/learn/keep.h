@@ -10,11 +10,11 @@
 namespace etude::learn {
 
 /// WriteWhenThereIsRoom, that asks for the run's source while it waits: whoever watches the run hears of it, and so do
-/// the other ranks, which would count rank 0 as lost.
-Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::function<Status()>& write);
+/// the other ranks, which would count rank 0 as lost. The wait is no time of training.
+Status WriteOrWait(TrainingRun& run, const std::string& what, const std::function<Status()>& write);
 
 /// config.yaml, resolved; the limit as it is by now. @error of the disk.
-Status KeepConfig(const TrainingRun& run);
+Status KeepConfig(TrainingRun& run);
 
 /// A checkpoint, then the state: a run that dies between them repeats steps and loses none.
 /// @error of the hook, of the disk.

@@ -20,14 +20,23 @@ double RunLimit::Progress(std::uint64_t step, double elapsed_s) const {
 }
 
 void RunLimit::Convert(std::uint64_t step, double progress, std::uint64_t steps) {
-  steps_ = steps_ > 0 ? std::min(steps_, steps) : steps;
+  steps_ = asked_steps_ > 0 ? std::min(asked_steps_, steps) : steps;
   anchor_step_ = step;
   anchor_progress_ = progress;
   minutes_ = 0;
 }
 
+std::uint64_t RunLimit::StepsLike(std::uint64_t since, double since_s, std::uint64_t step, double elapsed_s) const {
+  const double each_s = (elapsed_s - since_s) / static_cast<double>(step - since);
+  const double left_s = std::max(0.0, 60 * asked_minutes_ - elapsed_s);
+  return step + static_cast<std::uint64_t>(each_s > 0 ? std::llround(left_s / each_s) : 0);
+}
+
 bool RunLimit::Observe(std::uint64_t step, double elapsed_s, bool whole) {
-  if (minutes_ <= 0) return false;
+  return minutes_ > 0 ? Measure(step, elapsed_s, whole) : LookAgain(step, elapsed_s);
+}
+
+bool RunLimit::Measure(std::uint64_t step, double elapsed_s, bool whole) {
   if (!whole) {
     measuring_ = false;
     return false;
@@ -39,11 +48,24 @@ bool RunLimit::Observe(std::uint64_t step, double elapsed_s, bool whole) {
     return false;
   }
   if (step - first_step_ < kMeasuredSteps) return false;
-  const double each_s = (elapsed_s - first_s_) / static_cast<double>(step - first_step_);
-  const double left_s = std::max(0.0, 60 * minutes_ - elapsed_s);
-  const double progress = Progress(step, elapsed_s);
-  Convert(step, progress, step + static_cast<std::uint64_t>(each_s > 0 ? std::llround(left_s / each_s) : 0));
+  const std::uint64_t steps = StepsLike(first_step_, first_s_, step, elapsed_s);
+  Convert(step, Progress(step, elapsed_s), steps);
+  anchor_s_ = elapsed_s;
   return true;
+}
+
+// By the steps since the last time. What was done before it is past a change of speed, too.
+bool RunLimit::LookAgain(std::uint64_t step, double elapsed_s) {
+  if (asked_minutes_ <= 0 || looks_ >= kLooks.size() || Progress(step, elapsed_s) < kLooks[looks_]) return false;
+  while (looks_ < kLooks.size() && Progress(step, elapsed_s) >= kLooks[looks_]) ++looks_;
+  if (step <= anchor_step_) return false;
+  const std::uint64_t steps = StepsLike(anchor_step_, anchor_s_, step, elapsed_s);
+  const auto now = static_cast<double>(steps_);
+  if (std::abs(static_cast<double>(steps) - now) <= kSameSteps * now) return false;
+  const std::uint64_t before = steps_;
+  Convert(step, Progress(step, elapsed_s), steps);
+  anchor_s_ = elapsed_s;
+  return steps_ != before;
 }
 
 void RunLimit::EndAt(std::uint64_t step) {
@@ -52,10 +74,13 @@ void RunLimit::EndAt(std::uint64_t step) {
 
 OrderedJson RunLimit::Save() const {
   return {{"asked_minutes", asked_minutes_},
+          {"asked_steps", asked_steps_},
           {"minutes", minutes_},
           {"steps", steps_},
           {"anchor_step", anchor_step_},
-          {"anchor_progress", anchor_progress_}};
+          {"anchor_progress", anchor_progress_},
+          {"anchor_s", anchor_s_},
+          {"looks", looks_}};
 }
 
 Status RunLimit::Restore(const OrderedJson& saved) {
@@ -66,6 +91,10 @@ Status RunLimit::Restore(const OrderedJson& saved) {
     other.steps_ = saved.at("steps");
     other.anchor_step_ = saved.at("anchor_step");
     other.anchor_progress_ = saved.at("anchor_progress");
+    // states of before have converted once and for all
+    other.asked_steps_ = saved.value("asked_steps", std::uint64_t{0});
+    other.anchor_s_ = saved.value("anchor_s", 0.0);
+    other.looks_ = saved.value("looks", kLooks.size());
   } catch (const nlohmann::json::exception& error) {
     return Fail(Code::kCorrupt, fmt::format("limit of the run: {}", error.what()));
   }

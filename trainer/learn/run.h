@@ -44,12 +44,13 @@ struct TrainingRun {
   std::uint64_t step = 0;     ///< steps done
   double elapsed_before = 0;  ///< s, of earlier runs
   Stopwatch watch;
+  double waited = 0;  ///< s since the watch began, in which a disk was full: no time of training
   int best_stage = 0;
   double best_score = std::numeric_limits<double>::infinity();
   std::uint64_t checkpoint_step = 0, evaluated_step = 0;
   Evaluation evaluation;
 
-  double Elapsed() const { return elapsed_before + watch.Seconds(); }
+  double Elapsed() const { return elapsed_before + watch.Seconds() - waited; }
   double Progress() const { return limit.Progress(step, Elapsed()); }
 };
 

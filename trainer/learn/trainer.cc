@@ -188,8 +188,8 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
 Status Trainer::Impl::AfterStep() {
   const bool measured = run.limit.Observe(run.step, run.Elapsed(), run.scheduler->stage() == run.scheduler->stages());
   if (measured) {
-    Log().info("{} minutes are {} steps, measured over the last {}; steps count from now on", run.config.minutes,
-               run.limit.steps(), kMeasuredSteps);
+    Log().info("{} minutes are {} steps, as fast as the last ones were; steps count from now on",
+               run.limit.asked_minutes(), run.limit.steps());
     run.config.steps = run.limit.steps();
     run.config.minutes = 0;
   }
@@ -290,6 +290,7 @@ Status Trainer::Impl::Loop() {
   ETUDE_RETURN_IF_ERROR(KeepConfig(run));
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
   run.watch.Restart();
+  run.waited = 0;
   reporter.Restart();
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
     const Status made = TrainStep();

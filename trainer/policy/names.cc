@@ -22,6 +22,9 @@ std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleCo
   std::vector<std::string> reads{"image", "language", "joints"};
   for (const ModuleConfig* other : EvaluationOrder(config))
     if (other->level < module.level) reads.push_back(other->name);
+  // what `all` does not have: "self", or a name that is none, which is to be refused and not passed over
+  for (const auto& key : module.reads)
+    if (key != "all" && std::find(reads.begin(), reads.end(), key) == reads.end()) reads.push_back(key);
   return reads;
 }
 

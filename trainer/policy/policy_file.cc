@@ -83,6 +83,9 @@ Result<OrderedJson> ReadYamlMap(const Path& path) {
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 1 << 20));
   ETUDE_ASSIGN_OR_RETURN(auto json, ParseYaml(text, path.string()));
   if (json.is_null()) json = OrderedJson::object();
+  if (!json.is_object())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: its top level is no map of keys ({})", path.string(), json.type_name()));
   return json;
 }
 

@@ -119,6 +119,20 @@ TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {
   EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | missing |"));
 }
 
+TEST_F(Results, ShowsRowsThatWereAskedForBesideThoseTheyAreComparedWith) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0);
+  WriteReport(10, 0, "d");
+  (void)Make("10", {"--row", "a", "--row", "d"});
+  const CommandOutcome one = Make("10", {"--row", "a"});
+  EXPECT_THAT(one.text, HasSubstr("| first |"));
+  EXPECT_THAT(one.text, Not(HasSubstr("| fourth |")));
+  EXPECT_THAT(ReadTextFile(folder_ / "out/results.md").value(), HasSubstr("| fourth |")) << "the table keeps all";
+  const CommandOutcome compared = Make("10", {"--row", "d"});
+  EXPECT_THAT(compared.text, HasSubstr("| first |"));
+  EXPECT_THAT(compared.text, HasSubstr("| fourth |"));
+}
+
 // with the folder of another --out, say
 TEST_F(Results, AComparisonIsNotLostWhereTheOtherRowIsNotThere) {
   Write("out/runs/a-7/whole", "\n");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/language/grammar.cc, sentence.cc, vocabulary.cc, lexicon.cc and held_out.cc
+// Tests services/language/grammar.cc, vocabulary.cc, lexicon.cc and held_out.cc
 #include "services/language/grammar.h"
 
 #include <gmock/gmock.h>
@@ -12,7 +12,6 @@
 
 #include "services/language/held_out.h"
 #include "services/language/lexicon.h"
-#include "services/language/sentence.h"
 #include "services/language/tokenizer.h"
 #include "services/language/vocabulary.h"
 #include "services/spec/object_names.h"
@@ -368,60 +367,6 @@ TEST(CommandFor, SaysWhatIsToBeKeptOff) {
   EXPECT_EQ(obstacle("pick"), "");
   EXPECT_EQ(obstacle("pick+obstacle"), "basketball");
   EXPECT_EQ(obstacle("pick+others"), kEverythingElse);
-}
-
-// What is left of two texts without what they begin and end with alike.
-std::pair<std::string, std::string> Differing(std::string a, std::string b) {
-  while (!a.empty() && !b.empty() && a.front() == b.front()) a.erase(0, 1), b.erase(0, 1);
-  while (!a.empty() && !b.empty() && a.back() == b.back()) a.pop_back(), b.pop_back();
-  return {a, b};
-}
-
-TEST(AddStrangeWord, LeavesTheOthersInTheirOrder) {
-  std::set<std::size_t> places;
-  for (std::uint64_t seed = 0; seed < 60; ++seed) {
-    Rng rng(seed);
-    std::string text = "pick up can";
-    AddStrangeWord(text, rng);
-    std::istringstream words(text);
-    std::vector<std::string> found;
-    for (std::string word; words >> word;) found.push_back(word);
-    ASSERT_EQ(found.size(), 4u) << text;
-    const auto strange = std::ranges::find_if(
-        found, [](const std::string& word) { return word != "pick" && word != "up" && word != "can"; });
-    places.insert(static_cast<std::size_t>(strange - found.begin()));
-    EXPECT_GE(strange->size(), 3u);
-    found.erase(strange);
-    EXPECT_EQ(found, (std::vector<std::string>{"pick", "up", "can"})) << text;
-  }
-  EXPECT_EQ(places.size(), 4u) << "anywhere, behind the last, too";
-}
-
-TEST(AddTypo, ChangesOneLetterInsideOfAWord) {
-  Rng rng(37);
-  std::map<std::string, int> kinds;
-  const std::string text = "pick up the green bottle and keep away";
-  for (int i = 0; i < 4000; ++i) {
-    std::string typed = text;
-    AddTypo(typed, rng);
-    EXPECT_EQ(std::count(typed.begin(), typed.end(), ' '), std::count(text.begin(), text.end(), ' ')) << typed;
-    const auto [before, after] = Differing(text, typed);
-    const bool swapped = before.size() == 2 && after == std::string{before[1], before[0]};
-    const char* kind = before.empty() && after.empty()           ? "none"
-                       : before.size() == 1 && after.empty()     ? "dropped"
-                       : before.empty() && after.size() == 1     ? "doubled"
-                       : before.size() == 1 && after.size() == 1 ? "replaced"
-                       : swapped                                 ? "swapped"
-                                                                 : "?";
-    EXPECT_STRNE(kind, "?") << typed;
-    ++kinds[kind];
-  }
-  for (const char* kind : {"none", "dropped", "doubled", "replaced", "swapped"}) EXPECT_GT(kinds[kind], 300) << kind;
-  for (std::string shortest : {"", "a", "ab", "a b"}) {
-    const std::string kept = shortest;
-    for (int i = 0; i < 50; ++i) AddTypo(shortest, rng);
-    EXPECT_EQ(shortest, kept) << "nothing inside of a word";
-  }
 }
 
 TEST(Grammar, NoisySentencesAreWrittenAsPeopleWrite) {

@@ -326,6 +326,16 @@ TEST_F(SharedSurgeryTest, RefusesToFreezeAModuleWhoseAttentionLearns) {
   EXPECT_THAT(beside.error().message, HasSubstr("freeze attention3 too (OBST3D would learn with it as it is)"));
 }
 
+// what a run that goes on is asked for, without any surgery
+TEST_F(SharedSurgeryTest, ChecksWhatIsFrozenByItself) {
+  EXPECT_TRUE(CheckFreeze(Base(), {}));
+  EXPECT_TRUE(CheckFreeze(Base(), {"DISP", "attention4"}));
+  EXPECT_TRUE(CheckFreeze(policy::TinyConfig(), {"DISP"})) << "each module attends by itself";
+  const Status alone = CheckFreeze(Base(), {"DISP"});
+  ASSERT_FALSE(alone);
+  EXPECT_THAT(alone.error().message, HasSubstr("init.freeze: DISP: frozen, but attention4"));
+}
+
 TEST_F(SharedSurgeryTest, RefusesModulesOfAnotherLevelOrThatReadLess) {
   PolicyConfig config = Base();
   FindModule(config, "CTRL")->level = 6;
@@ -368,6 +378,49 @@ TEST_F(SurgeryTest, ANewPartMayBeginLikeAnother) {
   }
   EXPECT_GT(of_it, 4);
   EXPECT_EQ(surgery->alike.at("OBST3D"), (std::pair<std::string, int>("TAR3D", of_it)));
+}
+
+TEST_F(SurgeryTest, PartsMayBeginLikeEachOther) {
+  const PolicyConfig config = policy::TinyConfig();
+  const auto surgery = Do(config, {.fresh = {"EE2D", "TAR2D"}, .like = {"EE2D=TAR2D", "TAR2D=EE2D"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  int swapped = 0;
+  for (const auto& [name, tensor] : surgery->tensors) {
+    const std::string part = policy::PartOfTensor(name), other = part == "EE2D" ? "TAR2D" : "EE2D";
+    if (part != "EE2D" && part != "TAR2D") continue;
+    std::string there = name;
+    there.replace(there.find(part), part.size(), other);
+    const auto original = source_.tensors.find(there);
+    if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
+    EXPECT_TRUE(torch::equal(tensor, original->second)) << name;
+    ++swapped;
+  }
+  EXPECT_GT(swapped, 2);
+}
+
+// a first layer as wide as its inputs adds them to its outputs, and nothing added to them leaves that as it was
+TEST_F(SurgeryTest, RefusesInputsThatTakeAwayWhatAModuleAddsThemTo) {
+  PolicyConfig config = policy::TinyConfig();
+  policy::ModuleConfig* lang = FindModule(config, "LANG");
+  lang->decoder.readout = "mlp";
+  lang->decoder.inputs = {"register"};
+  lang->decoder.hidden = {config.width};
+  source_ = ExampleCheckpoint(config);
+  EXPECT_TRUE(Do(config));
+  lang->decoder.inputs = {"register", "language"};
+  const auto wider = Do(config);
+  ASSERT_FALSE(wider);
+  EXPECT_THAT(wider.error().message, HasSubstr("LANG: its decoder's first layer adds there and not here its inputs"));
+  EXPECT_TRUE(Do(config, {.fresh = {"LANG"}}));
+
+  lang->decoder.hidden = {2 * config.width};
+  source_ = ExampleCheckpoint(config);
+  EXPECT_TRUE(Do(config));
+  lang->decoder.inputs = {"language", "register"};
+  const auto turned = Do(config);
+  ASSERT_FALSE(turned);
+  EXPECT_THAT(turned.error().message,
+              HasSubstr("decoder.inputs are [register, language] there and [language, register]"));
 }
 
 TEST_F(SurgeryTest, ANewPartIsLikeAnotherAsFarAsTheyAreOfOneSize) {

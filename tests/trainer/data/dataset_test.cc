@@ -111,7 +111,10 @@ TEST(FixedSplit, StaysWhileTheDatasetGrows) {
   const auto one = FixedSplit(*snapshot, Split::kValid, {first});
   ASSERT_TRUE(one);
   EXPECT_EQ((*one)->episodes().size(), 1u);
-  const auto missing = FixedSplit(*snapshot, Split::kValid, {first, 4711});
+  const auto left = FixedSplit(*snapshot, Split::kValid, {first, 4711});
+  ASSERT_TRUE(left) << left.error().message;
+  EXPECT_EQ((*left)->episodes().size(), 1u) << "an episode that was lost ends no run";
+  const auto missing = FixedSplit(*snapshot, Split::kValid, {4711});
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("4711"), std::string::npos);
 }

@@ -127,6 +127,14 @@ TEST(LoadTrainConfig, NamesAllProblemsAtOnce) {
     EXPECT_THAT(config.error().message, HasSubstr(part));
 }
 
+// an infinite run could not be resumed: JSON has no such number
+TEST(LoadTrainConfig, RefusesMinutesWithoutAnEnd) {
+  for (const char* minutes : {"minutes=.inf", "minutes=-1", "minutes=.nan"}) {
+    const auto config = LoadTrainConfig("compact", kExperiments, {minutes});
+    EXPECT_FALSE(config) << minutes;
+  }
+}
+
 TEST(LoadTrainConfig, KnowsEveryHierarchyOfBothPresets) {
   for (const char* preset : {"compact", "paper"})
     for (const char* name : {"base", "obstacle", "multi_obstacle", "relational"}) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <vector>
 
@@ -96,6 +97,32 @@ Hits CountByHand(const Part& part, const policy::ModuleOutput& looks, int side) 
       count.hits += hit;
     }
   return count;
+}
+
+TEST_F(EvaluateTest, LeavesOutPicturesThatCannotBeReadAndEndsWhereNoneCan) {
+  TrainConfig config = TinyConfig({"data.cache_mb=0"});
+  ASSERT_NO_FATAL_FAILURE(Prepare(config));
+  const auto policy = Untrained(1);
+  samples_ = data::SpreadFrames(*snapshot_, data::Split::kTrain, 1, 20);  // of several episodes
+  const std::size_t gone = samples_.front().frame.episode;
+  std::vector<data::Sample> left;
+  for (const auto& sample : samples_)
+    if (sample.frame.episode != gone) left.push_back(sample);
+  ASSERT_FALSE(left.empty());
+  const auto expected = Measure(*policy, 5, left);
+  ASSERT_TRUE(expected);
+
+  std::filesystem::remove(snapshot_->episodes()[gone]->record.path);
+  const auto measured = Measure(*policy, 5, samples_);
+  ASSERT_TRUE(measured) << measured.error().message;
+  for (const char* name : {"TAR3D.cm", "loss"})
+    EXPECT_NEAR(measured->metrics.at(name), expected->metrics.at(name), 1e-4 * expected->metrics.at(name)) << name;
+
+  for (const auto& entry : snapshot_->episodes()) std::filesystem::remove(entry->record.path);
+  const auto none = Measure(*policy, 5, samples_);
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().message.find("none of"), std::string::npos) << none.error().message;
+  EXPECT_TRUE(policy->is_training());
 }
 
 // before, such a module had no error: only the budget ended its level

@@ -90,6 +90,14 @@ TEST_F(InitTest, NothingIsKeptOfARunThatBeginsFromNothing) {
   EXPECT_THAT(frozen.error().message, HasSubstr("init.freeze: TAR3D: nothing was learned yet"));
 }
 
+TEST_F(InitTest, WhereEverythingIsFrozenThereIsNothingToTrain) {
+  std::string all;
+  for (const auto& part : policy::PartsOf(TinyConfig().policy)) all += (all.empty() ? "" : ", ") + part;
+  const Status frozen = Train(Begun({"init.freeze=[" + all + "]"}), folder_ / "run");
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().message, HasSubstr("nothing is left to train"));
+}
+
 // What was measured with the joints of before says nothing of what reads new ones.
 TEST_F(InitTest, WhatReadsSomethingNewMayNotDriveBeforeItIsMeasuredAgain) {
   ASSERT_EQ(checkpoint::WhyUntrained(source_.metadata), "");

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "services/spec/episode_world.h"
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/checkpoint/readiness.h"
@@ -197,6 +199,54 @@ TEST_F(KeepTest, FreezingOnResumeChangesOnlyWhatItNames) {
   const auto all = thawed->optimizer->StateTensors();
   for (const auto& [name, tensor] : after) EXPECT_TRUE(torch::equal(all.at(name), tensor)) << name;
   EXPECT_EQ(all.size(), before.size());
+}
+
+// The clock of a run in minutes stands still while a disk is full.
+TEST_F(KeepTest, WaitingForTheDiskIsNoTimeOfTraining) {
+  const auto run = Build({});
+  ASSERT_NE(run, nullptr);
+  int tries = 0;
+  const Stopwatch watch;
+  const double before = run->Elapsed();
+  ASSERT_TRUE(WriteOrWait(*run, "a file", [&]() -> Status {
+    if (++tries < 3) return Fail(Code::kUnavailable, "no space left on device");
+    return {};
+  }));
+  EXPECT_EQ(tries, 3);
+  EXPECT_GT(run->waited, 0.9 * watch.Seconds());
+  EXPECT_LT(run->Elapsed() - before, 0.5 * watch.Seconds());
+}
+
+// Statistics of one picture are none: however many cores there are, each replica has some.
+TEST_F(KeepTest, ReplicasHaveEnoughPicturesToNormaliseBy) {
+  const auto few = Build({"threads.replicas=0", "data.batch=15"});
+  ASSERT_NE(few, nullptr);
+  EXPECT_EQ(few->replicas->size(), 1);
+  const auto asked = Build({"threads.replicas=3", "data.batch=15"});
+  ASSERT_NE(asked, nullptr);
+  EXPECT_EQ(asked->replicas->size(), 3) << "who asks for more gets them";
+}
+
+// A lost episode ends no run; scores on the others are new ones.
+TEST_F(KeepTest, ResumesWithTheValidationEpisodesThatAreLeft) {
+  CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.split = {3, 1, 0};
+  AddSyntheticEpisodes(folder_ / "quarter", spec, 0, 24);
+  dataset_ = data::Dataset::Open(folder_ / "quarter").value();
+  auto run = Build({});
+  ASSERT_NE(run, nullptr);
+  ASSERT_GE(run->validation->episodes().size(), 2u);
+  const std::size_t before = run->validation->episodes().size();
+  run->best_stage = 5;
+  run->best_score = 0.25;
+  ASSERT_TRUE(KeepNow(*run, {}, false));
+  EXPECT_EQ(Build({}, true)->best_score, 0.25);
+  std::filesystem::remove(run->validation->episodes().front()->record.path);
+  dataset_ = data::Dataset::Open(folder_ / "quarter").value();
+  const auto resumed = Build({}, true);
+  ASSERT_NE(resumed, nullptr);
+  EXPECT_EQ(resumed->validation->episodes().size(), before - 1);
+  EXPECT_EQ(resumed->best_stage, 0);
 }
 
 // before, what was kept stayed the average of the run before for ever

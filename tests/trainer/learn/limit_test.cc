@@ -15,7 +15,7 @@ TEST(RunLimit, OfStepsDoesNotLookAtTheClock) {
 }
 
 // 10 minutes; a step takes 1 s while all modules train
-TEST(RunLimit, TurnsMinutesIntoStepsOnce) {
+TEST(RunLimit, TurnsMinutesIntoSteps) {
   RunLimit limit(0, 10);
   std::uint64_t step = 0;
   double elapsed = 0;
@@ -33,7 +33,44 @@ TEST(RunLimit, TurnsMinutesIntoStepsOnce) {
   EXPECT_NEAR(limit.Progress(500, 1e9), 230.0 / 600, 1e-9);
   EXPECT_NEAR(limit.Progress(685, 0), (230.0 / 600 + 1) / 2, 1e-9);
   EXPECT_EQ(limit.Progress(870, 0), 1);
-  EXPECT_FALSE(limit.Observe(800, 0, true));
+}
+
+// as fast as it was measured: the clock has no say at all
+TEST(RunLimit, LooksAgainAndLeavesWhatIsRight) {
+  RunLimit limit(0, 10);
+  int changes = 0;
+  for (std::uint64_t step = 0; limit.Progress(step, static_cast<double>(step)) < 1; ++step)
+    changes += limit.Observe(step, static_cast<double>(step), true);
+  EXPECT_EQ(changes, 1);
+  EXPECT_EQ(limit.steps(), 600u);
+}
+
+// Seconds until the end of a run of ten minutes on a machine whose steps take `later` instead of 0.1 s from step 1,000
+// on.
+double SecondsOf(double later, RunLimit limit = RunLimit(0, 10)) {
+  double elapsed = 0, progress = 0;
+  for (std::uint64_t step = 0; progress < 1; ++step) {
+    limit.Observe(step, elapsed, true);
+    EXPECT_GE(limit.Progress(step, elapsed), progress - 1e-9) << "at step " << step;
+    progress = limit.Progress(step, elapsed);
+    elapsed += step < 1000 ? 0.1 : later;
+  }
+  return elapsed;
+}
+
+TEST(RunLimit, KeepsTheMinutesOnAMachineThatGetsSlowerOrFaster) {
+  EXPECT_NEAR(SecondsOf(0.15), 600, 0.02 * 600) << "841 s by what was measured first";
+  EXPECT_NEAR(SecondsOf(0.07), 600, 0.02 * 600);
+  EXPECT_LT(SecondsOf(0.07, RunLimit(3000, 10)), 0.5 * 600) << "the steps that were asked for stay the most";
+}
+
+TEST(RunLimit, OfAnEarlierProgramStaysAsItWasConverted) {
+  RunLimit limit(600, 0);
+  ASSERT_TRUE(limit.Restore(
+      {{"asked_minutes", 10.0}, {"minutes", 0.0}, {"steps", 600}, {"anchor_step", 200}, {"anchor_progress", 0.3}}));
+  for (std::uint64_t step = 200; step < 600; ++step)
+    EXPECT_FALSE(limit.Observe(step, 9.0 * static_cast<double>(step), true));
+  EXPECT_EQ(limit.steps(), 600u);
 }
 
 TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
@@ -41,7 +78,6 @@ TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
   for (std::uint64_t step = 0; !first.Observe(step, static_cast<double>(step), true); ++step) {
   }
   const OrderedJson saved = first.Save();
-
   RunLimit by_minutes(0, 10);  // the command line again
   ASSERT_TRUE(by_minutes.Restore(saved));
   EXPECT_EQ(by_minutes.steps(), first.steps());
@@ -51,6 +87,10 @@ TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
   RunLimit by_steps(first.steps(), 0);  // config.yaml
   ASSERT_TRUE(by_steps.Restore(saved));
   EXPECT_EQ(by_steps.Progress(300, 1e9), first.Progress(300, 0));
+
+  RunLimit uninterrupted = first;
+  for (auto* limit : {&uninterrupted, &by_steps}) EXPECT_TRUE(limit->Observe(300, 400, true)) << "slower by now";
+  EXPECT_EQ(by_steps.Save(), uninterrupted.Save());
 
   RunLimit longer(0, 20);  // another limit is another one
   ASSERT_TRUE(longer.Restore(saved));

@@ -104,6 +104,20 @@ TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
               "'position' must name a module", "'joints:EE3D' belongs to no module", "unknown input 'speed'"}));
 }
 
+TEST(PolicyConfig, KeysBesideAllAreReadOrRefused) {
+  PolicyConfig config = Preset("paper");
+  const auto all = ResolveReads(config, Module(config, "CTRL"));
+  Module(config, "CTRL").reads = {"all", "TAR3D", "self"};
+  EXPECT_EQ(Problems(config), "");
+  auto with_self = all;
+  with_self.push_back("self");
+  EXPECT_EQ(ResolveReads(config, Module(config, "CTRL")), with_self) << "TAR3D is among all";
+  Module(config, "CTRL").reads = {"all", "TAR3"};
+  EXPECT_THAT(Problems(config), HasSubstr("TAR3"));
+  Module(config, "TAR3D").reads = {"all", "CTRL"};
+  EXPECT_THAT(Problems(config), HasSubstr("CTRL"));
+}
+
 TEST(PolicyConfig, RefusesAttentionToWhatIsNotRead) {
   PolicyConfig config = Preset("compact");
   Module(config, "LANG").attend = {"image@target"};

@@ -51,10 +51,12 @@ TEST_F(PolicyFile, SaysWhatIsWrong) {
   Write("loop.yaml", "{extends: loop}");
   Write("list.yaml", "{extends: [loop]}");
   Write("tiny/base.yaml", "{}");
+  Write("modules.yaml", "- {name: LANG}");
   const auto message = [&](const char* name) { return ReadPolicyMap(name, {folder_ / ""}).error().message; };
   EXPECT_THAT(message("loop"), HasSubstr("extends itself"));
   EXPECT_THAT(message("list"), HasSubstr("extends: must be the name"));
   EXPECT_THAT(message("tiny/bas"), HasSubstr("did you mean 'tiny/base'"));
+  EXPECT_THAT(message("modules"), HasSubstr("modules.yaml: its top level is no map of keys (array)"));
 }
 
 TEST_F(PolicyFile, LooksForWhatItExtendsBesideItBeforeElsewhere) {
