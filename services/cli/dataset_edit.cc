@@ -110,7 +110,12 @@ Status WriteKey(const EditArguments& arguments, const std::set<std::uint64_t>& i
 
 Status Filter(const EditArguments& arguments) {
   if (arguments.out.empty() == arguments.key.empty())
-    return Fail(Code::kInvalidArgument, "say one of: OUT, a new dataset of what is chosen; --as NAME, a filter key");
+    return Fail(Code::kInvalidArgument,
+                fmt::format("say one of: OUT, a new dataset of what is chosen; --as NAME, a filter key{}",
+                            arguments.out.empty() && !arguments.choice.empty()
+                                ? "; folders stand before options, which take all that follows: etude dataset filter "
+                                  "DATASET OUT --task pick"
+                                : ""));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, arguments.choice.Choose(arguments.dataset));
   if (!arguments.key.empty()) {
     ETUDE_RETURN_IF_ERROR(WriteKey(arguments, {indices.begin(), indices.end()}));

@@ -23,6 +23,23 @@ std::span<const std::uint8_t> BytesOf(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
+// To its end: a pipe has no size, and one of the kernel's files says 0.
+template <class Container>
+Result<Container> ReadStream(int fd, const Path& path, std::uint64_t max_bytes) {
+  Container content;
+  char block[1 << 16];
+  while (true) {
+    const ssize_t got = ::read(fd, block, sizeof block);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Fail(ErrnoError("read", path, errno));
+    if (got == 0) return content;
+    content.insert(content.end(), block, block + got);
+    if (content.size() > max_bytes)
+      return Fail(Code::kExhausted,
+                  fmt::format("read '{}': more than the limit of {} bytes", path.string(), max_bytes));
+  }
+}
+
 template <class Container>
 Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
@@ -32,6 +49,7 @@ Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
   if (static_cast<std::uint64_t>(info.st_size) > max_bytes)
     return Fail(Code::kExhausted,
                 fmt::format("read '{}': {} bytes, more than the limit of {}", path.string(), info.st_size, max_bytes));
+  if (info.st_size == 0) return ReadStream<Container>(file.get(), path, max_bytes);
   Container content;
   content.resize(static_cast<std::size_t>(info.st_size));
   const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(content.data()), content.size());

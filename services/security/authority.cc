@@ -9,10 +9,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "services/core/clock.h"
+#include "services/core/file_lock.h"
+#include "services/core/stop.h"
 #include "services/security/certificate.h"
 
 namespace etude::security {
@@ -316,10 +319,26 @@ Status InitAuthority(const Path& folder, Protection protection) {
   return WriteIssued(folder, {});
 }
 
+namespace {
+
+// Of several that issue and revoke side by side each sees what the one before has listed.
+Result<FileLock> AwaitTurn(const Path& folder) {
+  if (const auto there = ReadIssued(folder); !there) return Fail(there.error());
+  constexpr int kTries = 300;
+  for (int i = 0;; ++i) {
+    auto lock = FileLock::Take(folder / "ca" / ".lock", fmt::format("authority '{}' is being used", folder.string()));
+    if (lock || lock.error().code != Code::kUnavailable || i == kTries) return lock;
+    if (WaitForStop(std::chrono::milliseconds(100))) return lock;
+  }
+}
+
+}  // namespace
+
 Result<Path> Issue(const Path& folder, const IssueOptions& asked) {
   IssueOptions options = asked;  // a role that is given twice counts once
   std::erase_if(options.roles, [seen = std::set<Role>()](Role role) mutable { return !seen.insert(role).second; });
   ETUDE_RETURN_IF_ERROR(CheckOptions(options));
+  ETUDE_ASSIGN_OR_RETURN(const FileLock turn, AwaitTurn(folder));
   ETUDE_ASSIGN_OR_RETURN(auto issued, ReadIssued(folder));
   for (const auto& other : issued)
     if (other.name == options.name && !other.revoked && other.not_after > Now())
@@ -341,6 +360,7 @@ Result<Path> Issue(const Path& folder, const IssueOptions& asked) {
 }
 
 Status Revoke(const Path& folder, const std::string& name) {
+  ETUDE_ASSIGN_OR_RETURN(const FileLock turn, AwaitTurn(folder));
   ETUDE_ASSIGN_OR_RETURN(auto issued, ReadIssued(folder));
   bool found = false;
   for (auto& item : issued) {

@@ -47,11 +47,19 @@ Status CheckParts(const std::vector<PartShare>& parts) {
 Result<Groups> GroupEpisodes(const Path& dataset, const std::string& by) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
-  Groups groups;
+  std::map<std::string, std::vector<std::uint64_t>> of_value;
   for (const std::uint64_t index : indices) {
     ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
     ETUDE_ASSIGN_OR_RETURN(const std::string value, ValueOf(reader.spec(), record.episode, by));
-    groups[FolderName(value)].push_back(index);
+    of_value[value].push_back(index);
+  }
+  // files of one name in two folders are two robots
+  Groups groups;
+  for (auto& [value, episodes] : of_value) {
+    const std::string name = FolderName(value);
+    std::string free = name;
+    for (int i = 2; groups.contains(free); ++i) free = fmt::format("{}_{}", name, i);
+    groups[free] = std::move(episodes);
   }
   if (groups.empty()) return Fail(Code::kNotFound, fmt::format("split '{}': it has no episodes", dataset.string()));
   return groups;

@@ -43,6 +43,7 @@ const std::set<std::pair<std::string, std::string>> kNewerAttributes{{"joint", "
                                                                      {"texture", "nchannel"},
                                                                      {"material", "metallic"},
                                                                      {"material", "roughness"},
+                                                                     {"body", "gravcomp"},
                                                                      {"body", "sleep"},
                                                                      {"fixed", "actuatorfrcrange"},
                                                                      {"fixed", "armature"},

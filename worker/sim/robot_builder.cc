@@ -38,7 +38,8 @@ bool Collides(const mjModel* mj, int geom) { return mj->geom_contype[geom] || mj
 std::vector<std::pair<XMLElement*, std::string>> TakeVisualMasses(RobotXml& xml, const mjModel* whole) {
   std::vector<std::pair<XMLElement*, std::string>> visuals;
   for (XMLElement* geom : xml.All("geom")) {
-    if (Collides(whole, mj_name2id(whole, mjOBJ_GEOM, geom->Attribute("name")))) continue;
+    const int id = mj_name2id(whole, mjOBJ_GEOM, geom->Attribute("name"));
+    if (id < 0 || Collides(whole, id)) continue;  // what a <composite> makes geoms of is none itself
     visuals.emplace_back(geom, Attribute(*geom, "mass"));
     geom->SetAttribute("mass", kNoMass);
   }
@@ -303,7 +304,10 @@ class Builder {
     R_SE << x, y, x.cross(y);
     Pose X_BE = X_BS * Pose{Vector3d::Map(tool.position.data()), Eigen::Quaterniond(R_SE)};
     if (OpensTheOtherWay(body, X_BE)) X_BE.q = X_BE.q * Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitX());
-    XMLElement* site = xml_.Find("body", mj_id2name(mj_, mjOBJ_BODY, body))->InsertNewChildElement("site");
+    const char* const carrier = mj_id2name(mj_, mjOBJ_BODY, body);
+    XMLElement* const element = carrier ? xml_.Find("body", carrier) : nullptr;
+    if (!element) return Wrong("tool: body '{}' is none of the robot's", carrier ? carrier : "");
+    XMLElement* site = element->InsertNewChildElement("site");
     site->SetAttribute("name", kToolSite);
     SetPose(*site, X_BE);
     site->SetAttribute("size", "0.004");

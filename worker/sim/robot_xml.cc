@@ -158,7 +158,7 @@ void RobotXml::NameEverything() {
   for (const char* kind : {"body", "geom"}) {
     int number = 0;
     for (XMLElement* element : All(kind)) {
-      if (!element->Attribute("name"))
+      if (Attribute(*element, "name").empty())  // "" is no name
         element->SetAttribute("name", fmt::format("{}{}_{}", prefix_, kind, number).c_str());
       ++number;
     }

@@ -36,12 +36,18 @@ void OnWarning(const char* message) { Log().debug("MuJoCo warned: {}", message);
 struct Files {
   Files() : vfs(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs.get()); }
   ~Files() { mj_deleteVFS(vfs.get()); }
-  void Add(const std::string& name, const void* bytes, std::size_t size) {
+  Status Add(const std::string& name, const void* bytes, std::size_t size) {
+    constexpr int kFull = 1;
     const int status = mj_makeEmptyFileVFS(vfs.get(), name.c_str(), static_cast<int>(size));
+    if (status == kFull)
+      return Fail(Code::kExhausted, fmt::format("MuJoCo {} takes {} files of meshes and pictures for one scene, and "
+                                                "this one has more: give it fewer objects",
+                                                mj_versionString(), mjMAXVFS - 1));
     ETUDE_CHECK(status == 0, "file {} of {} bytes, status {}", name, size, status);
     const int index = mj_findFileVFS(vfs.get(), name.c_str());
     ETUDE_CHECK(index >= 0, "file {}", name);
     std::memcpy(vfs->filedata[index], bytes, size);
+    return {};
   }
   std::unique_ptr<mjVFS> vfs;
 };
@@ -72,7 +78,10 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
   model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
   for (const auto& group : model.robot.finger_groups)
     for (const std::string& name : group) Id(mj, mjOBJ_BODY, name);
-  for (int body = 0; body < mj->nbody; ++body) model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
+  for (int body = 0; body < mj->nbody; ++body) {
+    // what MuJoCo makes of a <composite> may have none
+    if (const char* name = mj_id2name(mj, mjOBJ_BODY, body)) model.bodies.emplace(name, body);
+  }
   model.tree = ArmTree(*mj, model.tool_site, model.arm_q);
   for (const std::string& body : model.robot.bodies) model.arm_bodies.push_back(model.tree.IndexOf(model.BodyId(body)));
   for (const auto& object : description.objects) {
@@ -172,8 +181,8 @@ std::mutex& XmlMutex() {
 Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::AssetFile>& assets) {
   const std::lock_guard lock(XmlMutex());
   Files files;
-  for (const auto& file : assets) files.Add(file.name, file.bytes.data(), file.bytes.size());
-  files.Add("scene.xml", mjcf.data(), mjcf.size());
+  for (const auto& file : assets) ETUDE_RETURN_IF_ERROR(files.Add(file.name, file.bytes.data(), file.bytes.size()));
+  ETUDE_RETURN_IF_ERROR(files.Add("scene.xml", mjcf.data(), mjcf.size()));
   char message[1000] = "";
   ModelPtr model;
   try {  // it has types of its own to throw

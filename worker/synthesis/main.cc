@@ -45,6 +45,7 @@ struct Arguments {
   std::string file;
   std::string name;
   std::string up = "auto";
+  bool overwrite = false;
   // gallery
   std::string folder;
   std::string sheet = "objects.png";
@@ -160,7 +161,14 @@ Status Import(const Arguments& arguments) {
                               .density = arguments.density,
                               .up = UpOf(arguments)};
   ETUDE_ASSIGN_OR_RETURN(const SolidObject object, ImportObject(arguments.file, options));
-  ETUDE_RETURN_IF_ERROR(WriteObject(object, Path(arguments.out) / object.facts.name));
+  const Path folder = Path(arguments.out) / object.facts.name;
+  std::error_code error;
+  if (!arguments.overwrite && std::filesystem::exists(folder / "object.yaml", error))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("import '{}': '{}' is an object already; give another --name, or --overwrite to have it "
+                            "made anew",
+                            arguments.file, folder.string()));
+  ETUDE_RETURN_IF_ERROR(WriteObject(object, folder));
   PrintObject(object.facts);
   return {};
 }
@@ -230,6 +238,7 @@ CLI::App* AddImport(CLI::App& app, Arguments& arguments) {
       ->check(CLI::IsMember({"auto", "y", "z"}))
       ->capture_default_str();
   command->add_option("--out", arguments.out, "folder; the object gets one in it")->capture_default_str();
+  command->add_flag("--overwrite", arguments.overwrite, "in the place of an object of that name");
   return command;
 }
 

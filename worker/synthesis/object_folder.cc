@@ -44,6 +44,10 @@ std::string ModelText(const ObjectFacts& facts) {
 }  // namespace
 
 Status WriteObject(const SolidObject& object, const Path& folder) {
+  // what is written over is whole no more until the end
+  std::error_code error;
+  std::filesystem::remove(folder / "object.yaml", error);
+  if (error) return Fail(ErrnoError("remove", folder / "object.yaml", error.value()));
   ETUDE_ASSIGN_OR_RETURN(const auto texture, EncodePng(object.texture));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder / "texture.png", texture));
   ETUDE_RETURN_IF_ERROR(WriteMesh(folder / "visual.obj", object.visual, "texture.png"));

@@ -13,6 +13,12 @@
 #include "worker/sim/scene.h"
 
 namespace etude::task {
+namespace {
+
+// A scene has room for 2,000 files, and an object has a handful.
+constexpr std::size_t kObjectsOfAScene = 100;
+
+}  // namespace
 
 Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
   std::vector<std::string> robots, objects;
@@ -35,9 +41,14 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
   for (const std::string& robot : robots) {
     SceneSpec scene_spec(spec);
     scene_spec.robot = robot;
-    scene_spec.objects = objects;
-    ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(scene_spec));
-    all += scene->sha256();
+    for (std::size_t first = 0; first == 0 || first < objects.size(); first += kObjectsOfAScene) {
+      const auto begin = objects.begin() + static_cast<std::ptrdiff_t>(first);
+      const auto end =
+          objects.begin() + static_cast<std::ptrdiff_t>(std::min(objects.size(), first + kObjectsOfAScene));
+      scene_spec.objects.assign(begin, end);
+      ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(scene_spec));
+      all += scene->sha256();
+    }
     if (!sim::IsRobotFile(robot)) continue;
     // the scene has all but what is the planner's: home, speeds, pitches
     ETUDE_ASSIGN_OR_RETURN(const auto yaml, ReadBinaryFile(robot));

@@ -100,6 +100,20 @@ TEST_F(FileTest, EveryByteComesBackAndTheLimitIsTheLastSizeThatFits) {
   EXPECT_EQ(ReadTextFile(folder_ / "empty", 0).value(), "");
 }
 
+// what a shell gives with <(...), and the kernel in /proc, has no size
+TEST_F(FileTest, ReadsPipesToTheirEnd) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  const std::string text(5000, 'x');
+  ASSERT_EQ(::write(ends[1], text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  ::close(ends[1]);
+  const Path pipe = "/dev/fd/" + std::to_string(ends[0]);
+  EXPECT_EQ(ReadTextFile(pipe).value(), text);
+  ::close(ends[0]);
+  EXPECT_THAT(ReadTextFile("/proc/self/status").value(), HasSubstr("Name:"));
+  EXPECT_EQ(ReadTextFile("/proc/self/status", 10).error().code, Code::kExhausted);
+}
+
 TEST_F(FileTest, WhatStandsInTheWayIsNamedAndNothingIsLeft) {
   ASSERT_THAT(WriteFileAtomically(folder_ / "file", std::string_view("x")), IsOk());
   ASSERT_THAT(MakeFolders(folder_ / "taken" / "below"), IsOk());

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <thread>
+
 #include "services/core/clock.h"
 #include "services/security/identity.h"
 #include "tests/support/temporary_folder.h"
@@ -49,6 +51,15 @@ TEST_F(AuthorityTest, AnIdentityIsWhatWasIssued) {
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
   ASSERT_EQ(::stat((folder_.path() / "ca" / "identity-ca.key").c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
+}
+
+// what two issue side by side is listed, and can be revoked
+TEST_F(AuthorityTest, SeveralMayIssueSideBySide) {
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) threads.emplace_back([&, i] { EXPECT_TRUE(IssueWorker("rack-" + std::to_string(i))); });
+  for (auto& thread : threads) thread.join();
+  EXPECT_EQ(ReadIssued(folder_.path())->size(), 4u);
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(Revoke(folder_.path(), "rack-" + std::to_string(i)));
 }
 
 TEST_F(AuthorityTest, NamesAreTakenOnceAndAgainAfterRevocation) {

@@ -225,6 +225,24 @@ TEST_F(Edit, GroupsByWhatEpisodesSay) {
   EXPECT_THAT(GroupEpisodes(data_, "colour"), HasCode(Code::kInvalidArgument));
 }
 
+// the files of two folders may have one name, and are two robots all the same
+TEST_F(Edit, GroupsOfFilesOfOneNameAreApart) {
+  const Path mixed = data_.parent_path() / "mixed";
+  {
+    auto writer = DatasetWriter::Open(mixed, spec_);
+    ASSERT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      Episode episode = MakeSyntheticEpisode(spec_, i, 10);
+      episode.robot = i < 3 ? "here/arm.yaml" : "there/arm.yaml";
+      ASSERT_THAT(writer->Commit(episode), IsOk());
+    }
+  }
+  const auto groups = GroupEpisodes(mixed, "robot");
+  ASSERT_THAT(groups, IsOk());
+  EXPECT_THAT(groups->at("arm"), ElementsAre(0, 1, 2));
+  EXPECT_THAT(groups->at("arm_2"), ElementsAre(3));
+}
+
 TEST_F(Edit, DealsShares) {
   const auto parts = DealEpisodes(data_, {{"a", 0.8}, {"b", 0.2}});
   ASSERT_THAT(parts, IsOk());

@@ -323,6 +323,20 @@ TEST_F(TwoFiles, AFlangeThatIsNotThereIsNamed) {
   EXPECT_THAT(Load().message, testing::HasSubstr("no body or site 'flansch'"));
 }
 
+TEST_F(BrokenRobot, AToolOfTheWorldIsRefused) {
+  Replace("sketch.yaml", "site: grip", "body: world");
+  EXPECT_THAT(Load().message, testing::HasSubstr("tool: body 'world' is none of the robot's"));
+}
+
+// MuJoCo takes "" for no name, and its later releases carry a link's weight where a file says so
+TEST_F(BrokenRobot, EmptyNamesAndCarriedWeightsAreRead) {
+  Replace("sketch/sketch.xml", "<geom type=\"cylinder\" size=\"0.065 0.08\"",
+          "<geom name=\"\" type=\"cylinder\" size=\"0.065 0.08\"");
+  Replace("sketch/sketch.xml", "<body name=\"upper\"", "<body name=\"upper\" gravcomp=\"1\"");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+}
+
 TEST_F(BrokenRobot, LaterMujocosWordsAreNamed) {
   Replace("sketch/sketch.xml", "<site name=\"grip\" pos=\"0 0 0.10\"/>",
           "<frame pos=\"0 0 0.1\"><site name=\"grip\"/></frame>");

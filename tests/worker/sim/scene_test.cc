@@ -118,6 +118,17 @@ TEST(Scene, ObjectsCollideAsLargeAsTheySay) {
   }
 }
 
+TEST(CompileXml, SaysWhenThereAreMoreFilesThanMuJoCoTakes) {
+  std::vector<assets::AssetFile> files(2001);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    files[i].name = std::to_string(i) + ".bin";
+    files[i].bytes = {0};
+  }
+  const auto model = CompileXml("<mujoco/>", files);
+  ASSERT_FALSE(model);
+  EXPECT_EQ(model.error().code, Code::kExhausted);
+}
+
 TEST(Scene, EveryRobotBodyThatMovesHasGeometry) {
   std::set<std::string> with;
   for (const Geometry& piece : FullScene()->geometry()) with.insert(piece.body);

@@ -113,6 +113,16 @@ TEST_F(ObjectCommand, ImportsAMeshUnderAName) {
   const auto facts = ReadObjectFacts(folder_ / "objects" / "duck");
   ASSERT_THAT(facts, IsOk());
   EXPECT_NEAR(facts->size_m, 0.06, 1e-9);
+
+  std::vector<std::string> larger{"import", In("some thing.obj"), "--name", "duck", "--size", "0.08",
+                                  "--out",  In("objects")};
+  const CommandOutcome taken = Object(larger);
+  EXPECT_EQ(taken.exit_code, kExitUsage) << taken.text;
+  EXPECT_THAT(taken.text, HasSubstr("is an object already"));
+  EXPECT_NEAR(ReadObjectFacts(folder_ / "objects" / "duck")->size_m, 0.06, 1e-9);
+  larger.emplace_back("--overwrite");
+  EXPECT_EQ(Object(larger).exit_code, kExitOk);
+  EXPECT_NEAR(ReadObjectFacts(folder_ / "objects" / "duck")->size_m, 0.08, 1e-9);
 }
 
 TEST_F(ObjectCommand, GalleryIsPngOrJpegByItsName) {
