@@ -5,7 +5,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <sstream>
 
 #include "services/language/held_out.h"
 #include "services/language/lexicon.h"
@@ -17,13 +16,6 @@ namespace etude::language {
 namespace {
 
 using Strings = std::vector<std::string>;
-
-Strings Split(const std::string& text) {
-  Strings words;
-  std::istringstream stream(text);
-  for (std::string word; stream >> word;) words.push_back(std::move(word));
-  return words;
-}
 
 // Where `phrase` stands in `words` from `from` on, as it is.
 std::optional<std::size_t> Find(const Strings& words, const Strings& phrase, std::size_t from = 0) {
@@ -94,11 +86,11 @@ Best FindObject(const Vocabulary& vocabulary, const Strings& objects, const Stri
   Best best, by_name;
   for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
-      const Strings split = Split(phrase);
+      const Strings split = SplitWords(phrase);
       const auto at = Find(words, split);
       if (at && !IsAnothers(vocabulary, objects, object, phrase)) best.Offer({object, *at, split.size()});
     }
-    const Strings name = Split(Normalize(ObjectNoun(object)));
+    const Strings name = SplitWords(Normalize(ObjectNoun(object)));
     if (const auto at = Find(words, name)) by_name.Offer({object, *at, name.size()});
   }
   return best.empty() ? by_name : best;
@@ -110,11 +102,11 @@ Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const String
   Best best, by_name;
   for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
-      const Strings split = Split(phrase);
+      const Strings split = SplitWords(phrase);
       if (Find(words, split, at) == at && !IsAnothers(vocabulary, objects, object, phrase))
         best.Offer({object, at, split.size()});
     }
-    const Strings name = Split(Normalize(ObjectNoun(object)));
+    const Strings name = SplitWords(Normalize(ObjectNoun(object)));
     if (Find(words, name, at) == at) by_name.Offer({object, at, name.size()});
   }
   return best.empty() ? by_name : best;
@@ -123,7 +115,7 @@ Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const String
 // Whether the verb's words all stand in `words`, in order. Others may stand between them.
 bool HasVerb(const Strings& words, const std::string& verb) {
   std::size_t at = 0;
-  for (const auto& word : Split(verb)) {
+  for (const auto& word : SplitWords(verb)) {
     const auto it = std::find(words.begin() + static_cast<std::ptrdiff_t>(at), words.end(), word);
     if (it == words.end()) return false;
     at = static_cast<std::size_t>(it - words.begin()) + 1;
@@ -150,7 +142,7 @@ KeptOff TakeObstacle(const Vocabulary& vocabulary, const Strings& objects, Strin
   const ObstacleWords& lexicon = ObstacleLexicon();
   Found keep;
   for (const auto& text : KeepingWords(vocabulary)) {
-    const Strings split = Split(text);
+    const Strings split = SplitWords(text);
     const auto at = Find(words, split);
     if (at && split.size() > keep.words) keep = {text, *at, split.size()};
   }
@@ -158,7 +150,7 @@ KeptOff TakeObstacle(const Vocabulary& vocabulary, const Strings& objects, Strin
   const std::size_t after = keep.at + keep.words;
   for (const auto* texts : {&lexicon.others, &lexicon.any_other})
     for (const auto& text : *texts) {
-      const Strings split = Split(text);
+      const Strings split = SplitWords(text);
       if (Find(words, split, after) != after) continue;
       Take(words, keep.at, keep.words + split.size());
       return {.obstacle = std::string(kEverythingElse), .why = ""};
@@ -183,7 +175,7 @@ Place TakePlace(const Vocabulary& vocabulary, const Strings& objects, Strings& w
   for (const auto& task : vocabulary.tasks()) {
     if (!vocabulary.needs_reference(task)) continue;
     for (const auto& place : vocabulary.place(task).all) {
-      const Strings split = Split(place);
+      const Strings split = SplitWords(place);
       if (const auto at = Find(words, split)) best.Offer({task, *at, split.size()});
     }
   }
@@ -203,13 +195,13 @@ Best TaskOf(const Vocabulary& vocabulary, const Strings& words) {
   for (const auto& task : vocabulary.tasks()) {
     if (vocabulary.needs_reference(task)) continue;
     for (const auto& verb : vocabulary.verb(task).all)
-      if (HasVerb(words, verb)) best.Offer({task, 0, Split(verb).size()});
+      if (HasVerb(words, verb)) best.Offer({task, 0, SplitWords(verb).size()});
   }
   return best;
 }
 
 void Understand(const Vocabulary& vocabulary, const Strings& objects, Meaning& meaning) {
-  Strings words = Split(meaning.sentence);
+  Strings words = SplitWords(meaning.sentence);
   if (words.empty()) return void(meaning.why = "nothing is said");
   for (const auto& held_out : HeldOutSentences())
     if (held_out.text == meaning.sentence && std::ranges::find(objects, held_out.object) != objects.end())
@@ -279,7 +271,7 @@ Result<MeaningParser> MeaningParser::Load(const std::vector<std::string>& tasks,
 Meaning MeaningParser::Parse(const std::string& sentence, const std::vector<std::string>& on_table) const {
   Meaning meaning;
   meaning.sentence = Normalize(sentence.substr(0, 1000));
-  for (auto& word : Split(meaning.sentence)) {
+  for (auto& word : SplitWords(meaning.sentence)) {
     const bool seen = seen_.contains(word);
     meaning.words.push_back({std::move(word), seen});
   }

@@ -2,7 +2,6 @@
 #include "services/language/sentence.h"
 
 #include <algorithm>
-#include <sstream>
 
 namespace etude::language {
 namespace {
@@ -147,10 +146,8 @@ std::string AddObstacle(const Vocabulary& vocabulary, const Command& command, co
 
 template <class Texts>
 void AddWordsOf(const Texts& texts, std::set<std::string>& words) {
-  for (const auto& text : texts) {
-    std::istringstream stream(text);
-    for (std::string word; stream >> word;) words.insert(std::move(word));
-  }
+  for (const auto& text : texts)
+    for (auto& word : SplitWords(text)) words.insert(std::move(word));
 }
 
 }  // namespace

@@ -21,13 +21,6 @@ void AddWords(std::vector<std::string>& words, const std::vector<std::string>& m
     if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
 }
 
-std::vector<std::string> Split(const std::string& phrase) {
-  std::vector<std::string> words;
-  std::istringstream text(phrase);
-  for (std::string word; text >> word;) words.push_back(std::move(word));
-  return words;
-}
-
 std::string Join(const std::vector<std::string>& words) {
   std::string phrase;
   for (const auto& word : words) phrase = JoinWords(phrase, word);
@@ -47,6 +40,13 @@ std::vector<std::string> OtherPrepositions(const std::vector<std::string>& place
 
 std::string JoinWords(const std::string& a, const std::string& b) {
   return a.empty() ? b : b.empty() ? a : a + " " + b;
+}
+
+std::vector<std::string> SplitWords(const std::string& text) {
+  std::vector<std::string> words;
+  std::istringstream stream(text);
+  for (std::string word; stream >> word;) words.push_back(std::move(word));
+  return words;
 }
 
 bool HasWords(const std::string& text, const std::string& phrase) {
@@ -111,7 +111,7 @@ std::vector<std::string> Vocabulary::Expand(const std::string& phrase, Part part
   const auto part_of = [&](const std::string& words) {
     return part == Part::kAdjective && !wordnet.Has(words, part) ? Part::kNoun : part;
   };
-  const auto words = Split(phrase);
+  const auto words = SplitWords(phrase);
   if (words.size() == 1 || wordnet.Has(phrase, part_of(phrase))) return wordnet.Related(phrase, part_of(phrase));
   std::vector<std::string> phrases;
   for (std::size_t i = 0; i < words.size(); ++i)
@@ -161,7 +161,7 @@ void Vocabulary::ChooseTelling(const std::vector<std::string>& objects) {
   WordsOf base, all;
   const auto add = [](const auto& phrases, const Noun* noun, WordsOf& words) {
     for (const auto& phrase : phrases)
-      for (const auto& word : Split(phrase)) words[word].insert(noun);
+      for (const auto& word : SplitWords(phrase)) words[word].insert(noun);
   };
   for (const auto& object : objects) {
     const Noun* const noun = FindNoun(object);
@@ -173,7 +173,7 @@ void Vocabulary::ChooseTelling(const std::vector<std::string>& objects) {
     noun.telling.clear();
     const std::set<const Noun*> itself{&noun};
     const auto tells = [&](const std::string& part, const WordsOf& words) {
-      return std::ranges::any_of(Split(part), [&](const auto& word) {
+      return std::ranges::any_of(SplitWords(part), [&](const auto& word) {
         const auto it = words.find(word);
         return it != words.end() && it->second == itself;
       });

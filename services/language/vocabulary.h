@@ -18,6 +18,8 @@ namespace etude::language {
 
 /// "a" + "b" -> "a b"; either may be empty.
 std::string JoinWords(const std::string& a, const std::string& b);
+/// Words of a text between spaces.
+std::vector<std::string> SplitWords(const std::string& text);
 /// Does `phrase` stand in `text`, between word boundaries? Both normalised.
 bool HasWords(const std::string& text, const std::string& phrase);
 

@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "services/language/grammar.h"
+#include "services/language/vocabulary.h"
 
 namespace etude::language {
 namespace sentence_test {
@@ -22,13 +22,6 @@ using ::testing::Not;
 using Words = std::vector<std::string>;
 
 const Words kSix{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
-
-Words Split(const std::string& text) {
-  std::istringstream stream(text);
-  Words words;
-  for (std::string word; stream >> word;) words.push_back(word);
-  return words;
-}
 
 // What is left of two texts without what they begin and end with alike.
 std::pair<std::string, std::string> Differing(std::string a, std::string b) {
@@ -43,16 +36,14 @@ TEST(AddStrangeWord, LeavesTheOthersInTheirOrder) {
     Rng rng(seed);
     std::string text = "pick up can";
     AddStrangeWord(text, rng);
-    std::istringstream words(text);
-    std::vector<std::string> found;
-    for (std::string word; words >> word;) found.push_back(word);
+    Words found = SplitWords(text);
     ASSERT_EQ(found.size(), 4u) << text;
     const auto strange = std::ranges::find_if(
         found, [](const std::string& word) { return word != "pick" && word != "up" && word != "can"; });
     places.insert(static_cast<std::size_t>(strange - found.begin()));
     EXPECT_GE(strange->size(), 3u);
     found.erase(strange);
-    EXPECT_EQ(found, (std::vector<std::string>{"pick", "up", "can"})) << text;
+    EXPECT_EQ(found, (Words{"pick", "up", "can"})) << text;
   }
   EXPECT_EQ(places.size(), 4u) << "anywhere, behind the last, too";
 }
@@ -91,12 +82,12 @@ std::set<std::string> LeftOfMasked(const Vocabulary& vocabulary, const std::stri
   std::set<std::string> left;
   Rng rng(43);
   for (int i = 0; i < 2000; ++i) {
-    const Words words = Split(DrawVaried(vocabulary, command, 1, rng));
+    const Words words = SplitWords(DrawVaried(vocabulary, command, 1, rng));
     const auto strange = [&](const std::string& word) { return !known.contains(word); };
     if (std::ranges::none_of(words, strange)) continue;
     EXPECT_EQ(std::ranges::count_if(words, strange), 1) << testing::PrintToString(words);
     for (const auto& phrase : AllPhrases(*vocabulary.FindNoun(object)))
-      for (const auto& word : Split(phrase))
+      for (const auto& word : SplitWords(phrase))
         if (std::ranges::count(words, word) > 0) left.insert(word);
   }
   return left;
@@ -128,7 +119,7 @@ TEST(DrawVaried, MasksNothingUnlessAsked) {
     const std::set<std::string> known = AllWords(vocabulary, {"push", object});
     Rng rng(47);
     for (int i = 0; i < 500; ++i)
-      for (const auto& word : Split(DrawVaried(vocabulary, {"push", object}, 0, rng)))
+      for (const auto& word : SplitWords(DrawVaried(vocabulary, {"push", object}, 0, rng)))
         EXPECT_THAT(known, Contains(word));
   }
 }
