@@ -40,7 +40,7 @@ std::string Normalize(std::string_view sentence) {
   return text;
 }
 
-std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerConfig& config) {
+std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerConfig& config, const Senses* senses) {
   ETUDE_CHECK(config.buckets > 0 && config.min_ngram > 0 && config.max_words > 0);
   const std::string text = Normalize(sentence);
   std::vector<WordFeatures> words;
@@ -57,6 +57,9 @@ std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerCon
       for (std::size_t i = 0; i + n <= framed.size(); ++i)
         features.push_back(Bucket(std::string_view(framed).substr(i, n), 'n', config.buckets));
     features.push_back(Bucket(previous + " " + word, 'p', config.buckets));
+    if (senses)
+      for (const auto& sense : *senses->Of(previous, word))
+        features.push_back(config.buckets + Bucket(sense, 's', kSenseBuckets));
     words.push_back(std::move(features));
     previous = word;
   }

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "services/language/senses.h"
+
 namespace etude::language {
 
 struct TokenizerConfig {
@@ -17,12 +19,17 @@ struct TokenizerConfig {
   int max_words = 32;  ///< longer sentences are cut
 };
 
-/// One word's features: the word itself, its character n-grams, and the pair with the word before it.
+/// Ids of senses are in [buckets, buckets + kSenseBuckets).
+inline constexpr int kSenseBuckets = 8192;
+
+/// One word's features: the word itself, its character n-grams, and the pair with the word before it; then its senses.
 using WordFeatures = std::vector<std::int64_t>;
 
 /// Normalises (lower case, punctuation to spaces, collapsed spaces) and hashes. Pure, thread-safe, the
 /// same on every machine. An empty sentence gives one word with one feature.
-std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerConfig& config);
+/// @param senses  of one and the same WordNet everywhere; nullptr: words have spellings alone
+std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerConfig& config,
+                                   const Senses* senses = nullptr);
 
 /// "  Pick UP the Coke-can! " -> "pick up the coke can"
 std::string Normalize(std::string_view sentence);

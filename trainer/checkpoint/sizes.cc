@@ -82,7 +82,7 @@ std::uint64_t LeastParameters(const policy::PolicyConfig& config, int joints) {
   joint_encoder.push_back(config.width);
   Size sum = OfImage(config) + OfChain(joint_encoder) + OfAttention(config);
   if (language.clip_folder().empty())  // else a projection, of a width that only the folder tells
-    sum += static_cast<Size>(language.buckets) * static_cast<Size>(language.width) +
+    sum += static_cast<Size>(language.rows()) * static_cast<Size>(language.width) +
            OfChain({language.width, language.hidden, config.width});
   for (const auto& module : config.modules)
     sum += OfDecoder(config, module, joints) + (module.own_image ? OfImage(config) : 0);

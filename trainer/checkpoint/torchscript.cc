@@ -19,6 +19,7 @@
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
 #include "trainer/policy/device.h"
+#include "trainer/policy/language_encoder.h"
 #include "trainer/policy/names.h"
 
 namespace etude::checkpoint {
@@ -49,10 +50,11 @@ Tensor RandomViewpoint(torch::Generator draw) {
   return viewpoint * (0.9 + 0.2 * torch::rand({1, kViewpointSize}, draw, torch::kFloat32));
 }
 
-Question RandomQuestion(const policy::PolicyConfig& config, int joints, const char* sentence, torch::Generator draw) {
+Question RandomQuestion(const policy::PolicyConfig& config, const language::Senses* senses, int joints,
+                        const char* sentence, torch::Generator draw) {
   const codec::Region crop = policy::CropOf(config.image);
   return {torch::randint(256, {1, 3, crop.height, crop.width}, draw, torch::kUInt8),
-          torch::rand({1, joints}, draw, torch::kFloat32) * 2 - 1, TokenIds(sentence, config.language.buckets),
+          torch::rand({1, joints}, draw, torch::kFloat32) * 2 - 1, TokenIds(sentence, config.language.buckets, senses),
           policy::ReadsCamera(config) ? RandomViewpoint(draw) : Tensor()};
 }
 
@@ -111,29 +113,31 @@ torch::jit::Module Trace(policy::Policy& policy, const Question& example) {
 }
 
 OrderedJson Facts(const Metadata& metadata) {
-  return {{"format", "etude-torchscript-1"},
-          {"run", metadata.run},
-          {"step", metadata.step},
-          {"policy", metadata.policy.name},
-          {"robot", metadata.embodiment.robot},
-          {"joints", metadata.embodiment.joints},
-          {"picture", OrderedJson::array({metadata.embodiment.width, metadata.embodiment.height})},
-          {"crop", metadata.policy.image.crop},
-          {"token_buckets", metadata.policy.language.buckets},
-          {"waypoints", kWaypoints},
-          {"waypoint", kWaypointNames},
-          {"horizon_steps", kHorizonSteps},
-          {"control_rate_hz", kControlRate}};
+  OrderedJson facts{{"format", "etude-torchscript-1"},
+                    {"run", metadata.run},
+                    {"step", metadata.step},
+                    {"policy", metadata.policy.name},
+                    {"robot", metadata.embodiment.robot},
+                    {"joints", metadata.embodiment.joints},
+                    {"picture", OrderedJson::array({metadata.embodiment.width, metadata.embodiment.height})},
+                    {"crop", metadata.policy.image.crop},
+                    {"token_buckets", metadata.policy.language.buckets},
+                    {"waypoints", kWaypoints},
+                    {"waypoint", kWaypointNames},
+                    {"horizon_steps", kHorizonSteps},
+                    {"control_rate_hz", kControlRate}};
+  if (metadata.policy.language.senses) facts["token_senses"] = metadata.policy.language.sha256;
+  return facts;
 }
 
 // The largest difference between what the file and the policy say, m; of rotations and gripper as it weighs.
-double Disagreement(const std::string& bytes, policy::Policy& policy) {
+double Disagreement(const std::string& bytes, policy::Policy& policy, const language::Senses* senses) {
   std::istringstream stream(bytes);
   torch::jit::Module module = torch::jit::load(stream);
   auto draw = at::detail::createCPUGenerator(1);
   double most = 0;
   for (const char* sentence : kSentences) {
-    const Question question = RandomQuestion(policy.config(), policy.joints(), sentence, draw);
+    const Question question = RandomQuestion(policy.config(), senses, policy.joints(), sentence, draw);
     const Tensor said = module.forward(question.stack()).toTensor();
     policy::Inputs inputs = InputsOf(policy.config(), question);
     inputs.token_ids = Tensor();
@@ -154,12 +158,14 @@ Result<std::string> Write(policy::Policy& policy, const Metadata& metadata) {
   // the file computes with torch's operations: so must the policy that it is compared with, since our kernels sum in
   // another order, which a trained policy shows by a tenth of a millimetre
   const policy::AtenOnly like_the_file;
+  ETUDE_ASSIGN_OR_RETURN(const auto senses, policy::OpenSenses(policy.config().language));
   auto draw = at::detail::createCPUGenerator(0);
-  const auto module = Trace(policy, RandomQuestion(policy.config(), policy.joints(), kSentences[0], draw));
+  const auto question = RandomQuestion(policy.config(), senses.get(), policy.joints(), kSentences[0], draw);
+  const auto module = Trace(policy, question);
   std::ostringstream stream;
   module.save(stream, {{kTorchScriptFacts, Facts(metadata).dump(1)}});
   std::string bytes = std::move(stream).str();
-  const double difference = Disagreement(bytes, policy);
+  const double difference = Disagreement(bytes, policy, senses.get());
   if (!(difference <= kTolerance))
     return Fail(Code::kInternal, fmt::format("as TorchScript the policy says something else (by {}, more than {})",
                                              difference, kTolerance));
@@ -168,10 +174,10 @@ Result<std::string> Write(policy::Policy& policy, const Metadata& metadata) {
 
 }  // namespace
 
-Tensor TokenIds(const std::string& sentence, int buckets) {
+Tensor TokenIds(const std::string& sentence, int buckets, const language::Senses* senses) {
   language::TokenizerConfig tokenizer;
   tokenizer.buckets = buckets;
-  const auto words = language::Tokenize(sentence, tokenizer);
+  const auto words = language::Tokenize(sentence, tokenizer, senses);
   std::size_t features = 1;
   for (const auto& word : words) features = std::max(features, word.size());
   Tensor ids =

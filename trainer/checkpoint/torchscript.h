@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "services/language/senses.h"
 #include "trainer/checkpoint/checkpoint.h"
 
 namespace etude::checkpoint {
@@ -30,7 +31,9 @@ inline constexpr const char* kTorchScriptFacts = "etude.json";
 /// text encoder is not in the checkpoint); kCorrupt as BuildPolicy; kInternal: of torch, or it says something else
 Result<std::string> ToTorchScript(const Checkpoint& checkpoint);
 
-/// (W, F) int64 of a sentence, for token_ids. @param buckets  of the policy's language
-torch::Tensor TokenIds(const std::string& sentence, int buckets);
+/// (W, F) int64 of a sentence, for token_ids.
+/// @param buckets  of the policy's language
+/// @param senses   of a policy whose language has them (token_senses in the facts), else nullptr
+torch::Tensor TokenIds(const std::string& sentence, int buckets, const language::Senses* senses = nullptr);
 
 }  // namespace etude::checkpoint

@@ -23,6 +23,7 @@
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/crop.h"
+#include "trainer/policy/language_encoder.h"
 #include "trainer/policy/names.h"
 
 namespace etude::learn {
@@ -166,9 +167,13 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   return {};
 }
 
-// What clip's folder holds becomes part of what the policy is.
+// What clip's folder holds, or WordNet, becomes part of what the policy is.
 Status OpenTextEncoder(TrainingRun& run) {
   policy::LanguageConfig& language = run.config.policy.language;
+  if (language.senses) {
+    ETUDE_ASSIGN_OR_RETURN(const auto senses, policy::OpenSenses(language));
+    language.sha256 = senses->sha256();
+  }
   if (language.clip_folder().empty()) return {};
   const Path folder = std::filesystem::absolute(language.clip_folder()).lexically_normal();
   ETUDE_ASSIGN_OR_RETURN(run.text_encoder, clip::TextEncoder::Open(folder, language.sha256));

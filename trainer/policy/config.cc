@@ -108,12 +108,16 @@ void CheckLanguage(const LanguageConfig& language, Errors& errors) {
   CheckRange("language.buckets", language.buckets, 16, 1 << 24, errors);
   CheckRange("language.width", language.width, 1, 4096, errors);
   CheckRange("language.hidden", language.hidden, 1, 65536, errors);
+  if (clip && language.senses)
+    errors.push_back("language.senses: clip's text tower knows words by its own tokens; leave it out");
   if (language.sha256.empty()) return;
   const bool is_hash =
       language.sha256.size() == 64 && language.sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
-  if (!clip || !is_hash)
-    errors.push_back(fmt::format("language.sha256: '{:.100}' must be 64 hexadecimal digits, of clip:DIR, or nothing",
-                                 language.sha256));
+  if ((!clip && !language.senses) || !is_hash)
+    errors.push_back(
+        fmt::format("language.sha256: '{:.100}' must be 64 hexadecimal digits, of clip:DIR or of the WordNet "
+                    "of language.senses, or nothing",
+                    language.sha256));
 }
 
 void CheckSizes(const PolicyConfig& config, Errors& errors) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "services/language/tokenizer.h"
 #include "trainer/policy/quantities/losses.h"
 
 namespace etude::policy {
@@ -60,7 +61,12 @@ struct LanguageConfig {
   int buckets = 8192;  ///< hashed features, see services/language/tokenizer.h; not of clip
   int width = 64;      ///< word vector; not of clip
   int hidden = 128;    ///< of the perceptron, and channels of conv; not of clip
-  /// Of clip's folder (clip::TextEncoder::sha256). Empty: whatever it holds when training begins; a checkpoint has it.
+  /// Words enter also as what WordNet says that they may mean (services/language/senses.h), so that the ones that no
+  /// training sentence has are understood by what they have in common with others; not of clip. Wherever the policy is
+  /// built it needs the same WordNet.
+  bool senses = false;
+  /// Of clip's folder (clip::TextEncoder::sha256), or of WordNet where there are senses. Empty: whatever is there when
+  /// training begins; a checkpoint has it.
   std::string sha256;
 
   void Visit(auto& v) {
@@ -70,11 +76,17 @@ struct LanguageConfig {
     v("buckets", buckets, "-", "hashed word features, not of clip");
     v("width", width, "-", "of a word vector, not of clip");
     v("hidden", hidden, "-", "width of the hidden layer, and channels of conv; not of clip");
-    v("sha256", sha256, "", "of the content of clip's folder; empty: of what it holds when training begins");
+    v("senses", senses, "",
+      "words enter also as what WordNet (package wordnet-base, where it serves, too) says that they may mean; not of "
+      "clip");
+    v("sha256", sha256, "",
+      "of the content of clip's folder, or of WordNet; empty: of what it holds when training begins");
   }
 
   /// Of clip:DIR; "" of the others.
   std::string clip_folder() const;
+  /// Of the table of word vectors.
+  int rows() const { return buckets + (senses ? language::kSenseBuckets : 0); }
 };
 
 /// What a module decodes its register into: a quantity of an entity.

@@ -3,18 +3,27 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
+
+#include "services/core/rng.h"
 
 namespace etude::policy {
+
+Result<std::shared_ptr<const language::Senses>> OpenSenses(const LanguageConfig& config) {
+  if (!config.senses) return std::shared_ptr<const language::Senses>();
+  return language::Senses::Open(config.sha256);
+}
 
 torch::Tensor LanguageEncoder::ForwardIds(const torch::Tensor&) {
   TORCH_CHECK(false, "this policy's language encoder reads sentences, not features of words");
 }
 
-TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, int summary, int width,
-                                               const std::string& activation, Output output) {
+TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, Senses senses, int summary, int width,
+                                               const std::string& activation, Output output)
+    : senses_(std::move(senses)) {
   tokenizer_.buckets = config.buckets;
   // as many features share a word, single vectors are large so that their mean is not small
-  vectors_ = register_parameter("vectors", torch::randn({config.buckets, config.width}));
+  vectors_ = register_parameter("vectors", torch::randn({config.rows(), config.width}));
   mlp_ = register_module("mlp", std::make_shared<Mlp>(summary, std::vector<int>{config.hidden}, width, activation));
   if (output == Output::kNormalised) norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
 }
@@ -25,7 +34,15 @@ torch::Tensor TrainedLanguageEncoder::Finish(const torch::Tensor& summaries) {
 }
 
 std::vector<language::WordFeatures> TrainedLanguageEncoder::Tokenize(const std::string& sentence) const {
-  return language::Tokenize(sentence, tokenizer_);
+  auto words = language::Tokenize(sentence, tokenizer_, senses_.get());
+  if (!senses_ || !is_training()) return words;
+  Rng draw(MixSeed({}, sentence));
+  for (auto& word : words) {
+    const bool means_something = word.back() >= tokenizer_.buckets;
+    if (draw.Bernoulli(kUnspelled) && means_something)
+      std::erase_if(word, [&](std::int64_t id) { return id < tokenizer_.buckets; });
+  }
+  return words;
 }
 
 Status TrainedLanguageEncoder::Check(const std::string&) const { return {}; }
@@ -38,9 +55,14 @@ struct Sums {
   std::vector<float> weights;
 
   void Begin() { offsets.push_back(static_cast<std::int64_t>(ids.size())); }
-  void Add(const language::WordFeatures& word, double share) {
-    ids.insert(ids.end(), word.begin(), word.end());
-    weights.insert(weights.end(), word.size(), static_cast<float>(share / static_cast<double>(word.size())));
+  // the mean of its spelling and that of its senses
+  void Add(const language::WordFeatures& word, double share, std::int64_t buckets) {
+    const auto senses = std::ranges::find_if(word, [&](std::int64_t id) { return id >= buckets; });
+    for (const auto& [begin, end] : {std::pair{word.begin(), senses}, {senses, word.end()}}) {
+      ids.insert(ids.end(), begin, end);
+      const auto count = static_cast<std::size_t>(end - begin);
+      weights.insert(weights.end(), count, static_cast<float>(share / static_cast<double>(count)));
+    }
   }
   // (sums, width)
   torch::Tensor Of(const torch::Tensor& vectors) const {
@@ -52,39 +74,44 @@ struct Sums {
   }
 };
 
-// Of one sentence's features, (W, F), -1 where there is none: the mean of each word's vectors, (W, width), zero of a
-// row of nothing. No number of words or features is written into what is traced.
-torch::Tensor MeansOfWords(const torch::Tensor& vectors, const torch::Tensor& ids) {
-  const torch::Tensor there = (ids >= 0).to(vectors.scalar_type());
-  const torch::Tensor weights = (there / there.sum(1, /*keepdim=*/true).clamp_min(1)).unsqueeze(-1);
+// Of one sentence's features, (W, F), -1 where there is none: as Sums of each word, (W, width), zero of a row of
+// nothing. No number of words or features is written into what is traced.
+torch::Tensor MeansOfWords(const torch::Tensor& vectors, const torch::Tensor& ids, std::int64_t buckets) {
+  const auto shares = [&](const torch::Tensor& mask) {
+    const torch::Tensor there = mask.to(vectors.scalar_type());
+    return (there / there.sum(1, /*keepdim=*/true).clamp_min(1)).unsqueeze(-1);
+  };
+  const torch::Tensor weights =
+      vectors.size(0) == buckets ? shares(ids >= 0) : shares((ids >= 0) & (ids < buckets)) + shares(ids >= buckets);
   return (torch::embedding(vectors, ids.clamp_min(0)) * weights).sum(1);
 }
 
 }  // namespace
 
-BagOfWordsEncoder::BagOfWordsEncoder(const LanguageConfig& config, int width, const std::string& activation,
-                                     Output output)
-    : TrainedLanguageEncoder(config, config.width, width, activation, output) {}
+BagOfWordsEncoder::BagOfWordsEncoder(const LanguageConfig& config, Senses senses, int width,
+                                     const std::string& activation, Output output)
+    : TrainedLanguageEncoder(config, std::move(senses), config.width, width, activation, output) {}
 
 torch::Tensor BagOfWordsEncoder::Forward(const std::vector<std::string>& sentences) {
-  // the mean over words of the mean over a word's features is one weighted sum a sentence
+  // the mean over words of the means over a word's features is one weighted sum a sentence
   Sums sums;
   for (const std::string& sentence : sentences) {
     sums.Begin();
     const auto words = Tokenize(sentence);
-    for (const auto& word : words) sums.Add(word, 1.0 / static_cast<double>(words.size()));
+    for (const auto& word : words) sums.Add(word, 1.0 / static_cast<double>(words.size()), buckets());
   }
   return Finish(sums.Of(vectors_));
 }
 
 torch::Tensor BagOfWordsEncoder::ForwardIds(const torch::Tensor& ids) {
   const torch::Tensor words = (ids >= 0).any(1).sum().clamp_min(1);
-  return Finish(MeansOfWords(vectors_, ids).sum(0, /*keepdim=*/true) / words);
+  return Finish(MeansOfWords(vectors_, ids, buckets()).sum(0, /*keepdim=*/true) / words);
 }
 
-ConvolutionEncoder::ConvolutionEncoder(const LanguageConfig& config, int width, const std::string& activation,
-                                       Output output)
-    : TrainedLanguageEncoder(config, config.hidden, width, activation, output), activation_(activation) {
+ConvolutionEncoder::ConvolutionEncoder(const LanguageConfig& config, Senses senses, int width,
+                                       const std::string& activation, Output output)
+    : TrainedLanguageEncoder(config, std::move(senses), config.hidden, width, activation, output),
+      activation_(activation) {
   const auto of_three_words = [&](int inputs) {
     return torch::nn::Conv1d(torch::nn::Conv1dOptions(inputs, config.hidden, 3).padding(1));
   };
@@ -102,7 +129,7 @@ torch::Tensor ConvolutionEncoder::Forward(const std::vector<std::string>& senten
   for (const auto& words : all)
     for (std::int64_t w = 0; w < longest; ++w) {
       sums.Begin();
-      if (w < static_cast<std::int64_t>(words.size())) sums.Add(words[static_cast<std::size_t>(w)], 1);
+      if (w < static_cast<std::int64_t>(words.size())) sums.Add(words[static_cast<std::size_t>(w)], 1, buckets());
     }
   const auto words = sums.Of(vectors_).view({static_cast<std::int64_t>(all.size()), longest, -1});
   const auto ends = torch::tensor(lengths, torch::kInt64).to(words.device()).view({-1, 1, 1});
@@ -111,7 +138,7 @@ torch::Tensor ConvolutionEncoder::Forward(const std::vector<std::string>& senten
 
 torch::Tensor ConvolutionEncoder::ForwardIds(const torch::Tensor& ids) {
   const torch::Tensor words = (ids >= 0).any(1).nonzero().squeeze(1);
-  return Say(MeansOfWords(vectors_, ids.index_select(0, words)).unsqueeze(0), {});
+  return Say(MeansOfWords(vectors_, ids.index_select(0, words), buckets()).unsqueeze(0), {});
 }
 
 torch::Tensor ConvolutionEncoder::Say(const torch::Tensor& words, const torch::Tensor& beyond) {

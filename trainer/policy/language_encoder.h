@@ -9,12 +9,16 @@
 #include <vector>
 
 #include "services/core/result.h"
+#include "services/language/senses.h"
 #include "services/language/tokenizer.h"
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/config.h"
 #include "trainer/policy/layers.h"
 
 namespace etude::policy {
+
+/// What words mean, as `config` wants it: nullptr without senses. @error as language::Senses::Open
+Result<std::shared_ptr<const language::Senses>> OpenSenses(const LanguageConfig& config);
 
 /// One vector a sentence.
 class LanguageEncoder : public torch::nn::Module {
@@ -33,23 +37,33 @@ class LanguageEncoder : public torch::nn::Module {
   virtual Status Check(const std::string& sentence) const = 0;
 };
 
-/// Word vectors, each the mean of hashed features, in a trained table; then what a subclass makes of them, a perceptron
-/// and, of kNormalised, a normalisation. Reads any sentence.
+/// Word vectors in a trained table, each the mean of hashed features of a word's spelling and, with senses, plus the
+/// mean of those of what it may mean; then what a subclass makes of them, a perceptron and, of kNormalised, a
+/// normalisation. Reads any sentence. While it is trained, kUnspelled of the words that have senses enter by them
+/// alone, so that a word of which only the senses are known says as much; which, is the sentence's hash and no draw.
 class TrainedLanguageEncoder : public LanguageEncoder {
  public:
+  static constexpr double kUnspelled = 0.3;
+
   Status Check(const std::string& sentence) const override;
 
  protected:
+  using Senses = std::shared_ptr<const language::Senses>;
+
+  /// @param senses   OpenSenses(config)
   /// @param summary  numbers that a subclass has of a sentence
-  TrainedLanguageEncoder(const LanguageConfig& config, int summary, int width, const std::string& activation,
-                         Output output);
+  TrainedLanguageEncoder(const LanguageConfig& config, Senses senses, int summary, int width,
+                         const std::string& activation, Output output);
   torch::Tensor Finish(const torch::Tensor& summaries);
   std::vector<language::WordFeatures> Tokenize(const std::string& sentence) const;
 
-  torch::Tensor vectors_;  ///< (buckets, word width)
+  std::int64_t buckets() const { return tokenizer_.buckets; }
+
+  torch::Tensor vectors_;  ///< (LanguageConfig::rows(), word width)
 
  private:
   language::TokenizerConfig tokenizer_;
+  Senses senses_;  ///< nullptr: none
   std::shared_ptr<Mlp> mlp_;
   std::shared_ptr<LayerNorm> norm_;  ///< kNormalised only
 };
@@ -57,7 +71,8 @@ class TrainedLanguageEncoder : public LanguageEncoder {
 /// The mean of a sentence's words: of their order it knows what pairs of neighbours say.
 class BagOfWordsEncoder : public TrainedLanguageEncoder {
  public:
-  BagOfWordsEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  BagOfWordsEncoder(const LanguageConfig& config, Senses senses, int width, const std::string& activation,
+                    Output output);
   torch::Tensor Forward(const std::vector<std::string>& sentences) override;
   torch::Tensor ForwardIds(const torch::Tensor& ids) override;
 };
@@ -66,7 +81,8 @@ class BagOfWordsEncoder : public TrainedLanguageEncoder {
 /// whom, and who is to be kept off, is in the words around. Two layers of three words see five at once.
 class ConvolutionEncoder : public TrainedLanguageEncoder {
  public:
-  ConvolutionEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  ConvolutionEncoder(const LanguageConfig& config, Senses senses, int width, const std::string& activation,
+                     Output output);
   torch::Tensor Forward(const std::vector<std::string>& sentences) override;
   torch::Tensor ForwardIds(const torch::Tensor& ids) override;
 

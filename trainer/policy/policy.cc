@@ -78,6 +78,16 @@ Status CheckTextEncoder(const PolicyConfig& config, std::shared_ptr<clip::TextEn
                           language.sha256, text_encoder->sha256()));
 }
 
+// What words mean, of a policy with senses; else nullptr.
+Result<std::shared_ptr<const language::Senses>> SensesOf(const PolicyConfig& config) {
+  if (config.language.senses && config.language.sha256.empty())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("build policy '{}': language.sha256 is not resolved; it needs WordNet's", config.name));
+  auto senses = OpenSenses(config.language);
+  if (!senses) return Fail(senses.error().Wrap(fmt::format("build policy '{}'", config.name)));
+  return senses;
+}
+
 /// Whether each module, by name, depends on the sentence through what it reads.
 bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring, const std::set<std::string>& dependent) {
   for (const std::string& key : wiring.reads)
@@ -122,6 +132,7 @@ struct Policy::Impl {
   Normalization normalization;
   std::shared_ptr<ImageEncoder> image;
   std::shared_ptr<clip::TextEncoder> text_encoder;  ///< clip:DIR only
+  std::shared_ptr<const language::Senses> senses;   ///< language.senses only
   std::shared_ptr<LanguageEncoder> language;
   std::shared_ptr<Mlp> joints;
   std::shared_ptr<LayerNorm> joints_norm;                   ///< own attention only
@@ -216,8 +227,8 @@ std::shared_ptr<LanguageEncoder> Policy::Impl::MakeLanguageEncoder() const {
   const auto output = is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised;
   if (text_encoder) return std::make_shared<ClipLanguageEncoder>(text_encoder, config.width, output);
   if (config.language.encoder == "conv")
-    return std::make_shared<ConvolutionEncoder>(config.language, config.width, config.activation, output);
-  return std::make_shared<BagOfWordsEncoder>(config.language, config.width, config.activation, output);
+    return std::make_shared<ConvolutionEncoder>(config.language, senses, config.width, config.activation, output);
+  return std::make_shared<BagOfWordsEncoder>(config.language, senses, config.width, config.activation, output);
 }
 
 Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const Normalization& normalization,
@@ -232,12 +243,14 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const
                 fmt::format("build policy '{}': tasks is not resolved; it needs a dataset's", config.name));
   ETUDE_RETURN_IF_ERROR(CheckNormalization(normalization));
   ETUDE_RETURN_IF_ERROR(CheckTextEncoder(config, text_encoder));
+  ETUDE_ASSIGN_OR_RETURN(auto senses, SensesOf(config));
   try {
     const SeededScope scope(seed);
     auto impl = std::make_unique<Impl>();
     impl->config = config;
     impl->normalization = normalization;
     impl->text_encoder = std::move(text_encoder);
+    impl->senses = std::move(senses);
     return std::shared_ptr<Policy>(new Policy(std::move(impl)));
   } catch (const c10::Error& error) {
     return Fail(Code::kInternal, fmt::format("build policy '{}': {}", config.name, error.what_without_backtrace()));
@@ -407,10 +420,11 @@ void Policy::Freeze(const std::vector<std::string>& parts) {
 
 const std::set<std::string>& Policy::frozen() const { return impl_->frozen; }
 
-// of all parts only image encoders compute otherwise while they are trained
+// of all parts only encoders of pictures and of sentences with senses compute otherwise while they are trained
 void Policy::train(bool on) {
   Module::train(on);
   if (impl_->frozen.contains("image")) impl_->image->eval();
+  if (impl_->frozen.contains("language")) impl_->language->eval();
   for (const auto& module : impl_->modules)
     if (module->own_image() != nullptr && impl_->frozen.contains(module->config().name)) module->own_image()->eval();
 }

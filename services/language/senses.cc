@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/language/senses.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace etude::language {
+
+Result<std::shared_ptr<const Senses>> Senses::Open(const std::string& sha256, const Path& folder) {
+  ETUDE_ASSIGN_OR_RETURN(WordNet wordnet, WordNet::Open(folder));
+  std::string content = wordnet.sha256();
+  if (!sha256.empty() && content != sha256)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("WordNet in '{}' has content {:.12}, trained with {:.12}: its words would mean something "
+                            "else; install the same version of wordnet-base",
+                            folder.string(), content, sha256));
+  return std::shared_ptr<const Senses>(new Senses(std::move(wordnet), std::move(content)));
+}
+
+Senses::Names Senses::Of(const std::string& previous, const std::string& word) const {
+  const std::string pair = previous + " " + word;
+  {
+    const MutexLock lock(mutex_);
+    if (const auto it = remembered_.find(pair); it != remembered_.end()) return it->second;
+  }
+  std::vector<std::string> names = wordnet_.Senses(word);
+  if (!previous.empty())
+    for (auto& name : wordnet_.Senses(pair))
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(std::move(name));
+  auto found = std::make_shared<const std::vector<std::string>>(std::move(names));
+  const MutexLock lock(mutex_);
+  if (remembered_.size() >= kRemembered) remembered_.clear();
+  return remembered_.emplace(pair, std::move(found)).first->second;
+}
+
+}  // namespace etude::language
