@@ -130,7 +130,8 @@ Rollout::Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_p
                  const RolloutSpec& spec, std::string instruction)
     : runner_(runner),
       checker_(checker),
-      kinematics_(std::move(scene)),
+      kinematics_(scene),
+      guard_(std::move(scene)),
       spec_(spec),
       instruction_(std::move(instruction)) {
   runner_->episode().stage_names = {"policy"};
@@ -198,7 +199,7 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!runner_->Step(tracker.Next())) return Failed();
+    if (!runner_->Step(guard_.Guarded(tracker.Next(), runner_->world()))) return Failed();
   }
   return VerdictOnViolations(runner_->judge());
 }

@@ -8,6 +8,7 @@
 #include "services/policy/policy_types.h"
 #include "worker/collide/checker.h"
 #include "worker/task/episode_runner.h"
+#include "worker/task/speed_guard.h"
 #include "worker/task/target_pushes.h"
 #include "worker/task/verdict.h"
 
@@ -83,6 +84,7 @@ class Rollout {
   EpisodeRunner* runner_;
   collide::Checker* checker_;
   sim::Kinematics kinematics_;
+  SpeedGuard guard_;
   RolloutSpec spec_;
   std::string instruction_;
   double nearest_ = 1e9;
