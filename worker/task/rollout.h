@@ -28,7 +28,8 @@ class Tracker {
   Tracker(const Pose& X_WE, bool closed, SpeedShare share = nullptr)
       : share_(std::move(share)), reference_(X_WE), closed_(closed) {}
 
-  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step.
+  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
+  /// soon after it that is nearer to the reference.
   void Follow(std::vector<Waypoint> waypoints, int first = 0);
   /// Holds where it began until Follow is called.
   Command Next();
