@@ -20,6 +20,7 @@ inline constexpr std::uint32_t kContentVersion = 6;
 /// The same of what only rollouts have: how a policy's answers are followed. Part of their SpecHash alone, so that
 /// collected datasets go on.
 ///   2  the reference's velocity changes by bounded steps, whatever the next answer says
-inline constexpr std::uint32_t kRolloutVersion = 2;
+///   3  an answer is followed from where the reference is on its path; no joint is driven beyond its speed limit
+inline constexpr std::uint32_t kRolloutVersion = 3;
 
 }  // namespace etude

@@ -73,6 +73,13 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
   return turn.vec() * (2 * std::atan2(sine, turn.w()) / sine);
 }
 
+Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
+  const Eigen::Vector3d turn = V.tail<3>() * seconds;
+  const double angle = turn.norm();
+  if (angle < 1e-12) return {X.p + V.head<3>() * seconds, X.q};
+  return {X.p + V.head<3>() * seconds, (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
+}
+
 Vector6d ToolAcceleration(const ControlState& state, const Pose& X_WE_target, const Vector6d& V_WE_target,
                           const ControllerConfig& config) {
   Vector6d acceleration = config.kv * (V_WE_target - state.J * state.v);

@@ -44,6 +44,9 @@ struct ControlState {
 /// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
 
+/// `X` moved by the twist `V` (m/s, rad/s, linear first, world) for `seconds`, which may be negative.
+Pose Advanced(const Pose& X, const Eigen::Matrix<double, 6, 1>& V, double seconds);
+
 /// The smallest joint motion (n) that moves the tool by `dx` (6, linear first): damped least squares.
 /// @param J  (6, n) of the tool; @param damping  m (and rad), keeps it finite near a singularity
 Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Eigen::Matrix<double, 6, 1>& dx, double damping);

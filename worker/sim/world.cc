@@ -12,14 +12,6 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// `X` moved by the twist V (world) for `seconds`.
-Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
-  const Eigen::Vector3d turn = V.tail<3>() * seconds;
-  const double angle = turn.norm();
-  if (angle < 1e-12) return {X.p + V.head<3>() * seconds, X.q};
-  return {X.p + V.head<3>() * seconds, (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
-}
-
 /// Those at `addresses`, in their order.
 Eigen::VectorXd Pick(const mjtNum* values, const std::vector<int>& addresses) {
   Eigen::VectorXd picked(addresses.size());

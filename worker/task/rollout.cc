@@ -28,6 +28,10 @@ constexpr double kBackOntoPath = 25;       // 1/s
 constexpr double kJointSpeedShare = 0.75;  // of the planned speed of a joint; the hand overshoots the reference's
 constexpr double kDamping = 0.02;          // m (and rad): near a singularity no joint has to turn without end
 constexpr double kMaxReach = 2.0;          // m from the world's origin: nothing sane is beyond
+// A new answer begins where the hand is. The reference leads it by what the spring needs to hold and to move it, up to
+// so many control steps of the path; an answer followed from its beginning would take it back as far, each time.
+constexpr int kMostAhead = 15;
+constexpr double kTurnAsWay = 0.2;  // m that a turn of one rad counts as
 // The fingers close above one and open below the other: a wavering answer does not make them flutter.
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
@@ -89,6 +93,16 @@ std::string RefusalOf(const policy::Answer& answer) {
 void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
   waypoints_ = std::move(waypoints);
   step_ = first;
+  const Pose next_reference = sim::Advanced(reference_, V_WE_, 1 / kControlRate);
+  const auto distance = [&](double step) {
+    const Pose X_WE = Interpolate(waypoints_, step).X_WE;
+    return (X_WE.p - next_reference.p).norm() + kTurnAsWay * sim::RotationVector(X_WE.q, next_reference.q).norm();
+  };
+  for (double here = distance(step_); step_ < first + kMostAhead; ++step_) {
+    const double there = distance(step_ + 1);
+    if (there >= here) break;
+    here = there;
+  }
 }
 
 Command Tracker::Next() {
@@ -130,7 +144,8 @@ Rollout::Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_p
                  const RolloutSpec& spec, std::string instruction)
     : runner_(runner),
       checker_(checker),
-      kinematics_(std::move(scene)),
+      kinematics_(scene),
+      guard_(std::move(scene)),
       spec_(spec),
       instruction_(std::move(instruction)) {
   runner_->episode().stage_names = {"policy"};
@@ -198,7 +213,7 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!runner_->Step(tracker.Next())) return Failed();
+    if (!runner_->Step(guard_.Guarded(tracker.Next(), runner_->world()))) return Failed();
   }
   return VerdictOnViolations(runner_->judge());
 }

@@ -8,6 +8,7 @@
 #include "services/policy/policy_types.h"
 #include "worker/collide/checker.h"
 #include "worker/task/episode_runner.h"
+#include "worker/task/speed_guard.h"
 #include "worker/task/target_pushes.h"
 #include "worker/task/verdict.h"
 
@@ -27,7 +28,8 @@ class Tracker {
   Tracker(const Pose& X_WE, bool closed, SpeedShare share = nullptr)
       : share_(std::move(share)), reference_(X_WE), closed_(closed) {}
 
-  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step.
+  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
+  /// soon after it that is nearer to the reference.
   void Follow(std::vector<Waypoint> waypoints, int first = 0);
   /// Holds where it began until Follow is called.
   Command Next();
@@ -83,6 +85,7 @@ class Rollout {
   EpisodeRunner* runner_;
   collide::Checker* checker_;
   sim::Kinematics kinematics_;
+  SpeedGuard guard_;
   RolloutSpec spec_;
   std::string instruction_;
   double nearest_ = 1e9;

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/speed_guard.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <functional>
+#include <string>
+
+#include "tests/worker/sim/scene_fixture.h"
+
+namespace etude::task {
+namespace speed_guard_test {
+
+JointBox Box(double most) { return {Eigen::VectorXd::Constant(6, -most), Eigen::VectorXd::Constant(6, most)}; }
+
+TEST(JointVelocityWithin, IsWhatIsAskedWhereTheJointsCan) {
+  const Eigen::MatrixXd J = Eigen::MatrixXd::Identity(6, 6);
+  const Vector6 asked = Vector6::LinSpaced(-0.5, 0.5);
+  EXPECT_LT((JointVelocityWithin(J, asked, Box(1)) - asked).norm(), 1e-5);
+}
+
+TEST(JointVelocityWithin, KeepsTheDirectionOfWhatIsTooFast) {
+  const Eigen::MatrixXd J = Eigen::MatrixXd::Identity(6, 6);
+  Vector6 asked = Vector6::Zero();
+  asked.head<2>() << 2, 1;
+  const Eigen::VectorXd v = JointVelocityWithin(J, asked, Box(1));
+  EXPECT_NEAR(v[0], 1, 1e-9);
+  EXPECT_NEAR(v[1], 0.5, 1e-9);
+}
+
+TEST(JointVelocityWithin, LeavesOutWhatASingularityAsksWithoutEnd) {
+  Eigen::MatrixXd J = Eigen::MatrixXd::Identity(6, 6);
+  J(5, 5) = 0.01;
+  Vector6 asked = Vector6::Zero();
+  asked[0] = 0.1;
+  asked[5] = 0.05;  // 5 rad/s of the last joint
+  const Eigen::VectorXd v = JointVelocityWithin(J, asked, Box(1));
+  EXPECT_NEAR(v[0], 0.1, 1e-3) << "the others do not suffer";
+  EXPECT_NEAR(v[5], 1, 1e-2) << "and it does what it can";
+  EXPECT_LE(v[5], 1);
+}
+
+TEST(JointVelocityWithin, BrakesAJointThatIsTooFastAlready) {
+  JointBox box = Box(1);
+  box.high[0] = -0.2;
+  const Eigen::VectorXd v = JointVelocityWithin(Eigen::MatrixXd::Identity(6, 6), Vector6::Unit(0), box);
+  EXPECT_EQ(v[0], -0.2);
+}
+
+// How fast a joint gets, of its limit, while the hand follows `reference` (of the control step).
+double Fastest(sim::World& world, SpeedGuard* guard, int steps, const std::function<Command(int)>& reference) {
+  double most = 0;
+  for (int i = 0; i < steps; ++i) {
+    Command command = reference(i);
+    if (guard) command = guard->Guarded(command, world);
+    world.Step(command.target, command.V_WE);
+    most = std::max(most, world.v().cwiseAbs().cwiseQuotient(world.scene().arm().joint_speed).maxCoeff());
+  }
+  return most;
+}
+
+class SpeedGuardOf : public testing::TestWithParam<const char*> {};
+
+TEST_P(SpeedGuardOf, LetsPassWhatTheJointsCanFollow) {
+  const auto scene = sim::SceneOf(GetParam());
+  sim::World world(scene);
+  SpeedGuard guard(scene);
+  const Pose start = world.X_WE();
+  for (int i = 0; i < 50; ++i) {
+    Command command;
+    command.V_WE[2] = 0.05 * std::min(1.0, i / 25.0);
+    command.target.X_WE = {start.p + Eigen::Vector3d(0, 0, 0.05 * i * i / 50 / kControlRate), start.q};
+    const Command guarded = guard.Guarded(command, world);
+    EXPECT_EQ(guarded.V_WE, command.V_WE);
+    EXPECT_EQ(guarded.target.X_WE.p, command.target.X_WE.p);
+    EXPECT_EQ(guarded.target.X_WE.q.coeffs(), command.target.X_WE.q.coeffs());
+    world.Step(command.target, command.V_WE);
+  }
+}
+
+// what it hung on gives way: the spring is tight
+TEST_P(SpeedGuardOf, DoesNotThrowTheHandAfterItsReference) {
+  const auto scene = sim::SceneOf(GetParam());
+  sim::World free(scene), guarded(scene);
+  SpeedGuard guard(scene);
+  Command command;
+  command.target.X_WE = {free.X_WE().p + Eigen::Vector3d(-0.03, 0.03, 0.06), free.X_WE().q};
+  const auto reference = [&](int) { return command; };
+  const double unguarded = Fastest(free, nullptr, 150, reference);
+  if (std::string(GetParam()) == "jaco2") {
+    EXPECT_GT(unguarded, 1.05) << "this is what it is for";
+  }
+  EXPECT_LE(Fastest(guarded, &guard, 150, reference), 1.0);
+  EXPECT_LT((guarded.X_WE().p - command.target.X_WE.p).norm(), 3e-3) << "and it arrives";
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, SpeedGuardOf, testing::Values("ur5", "panda", "jaco2"),
+                         [](const auto& info) { return std::string(info.param); });
+
+// The wrist is nearly straight: to turn the hand across it, joints four and six have to turn against each other, fast.
+TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
+  const auto scene = sim::SceneOf("jaco2");
+  Eigen::VectorXd q(6);
+  q << 1.40, 4.00, 1.04, -3.24, -0.03, 1.50;
+  sim::Kinematics kinematics(scene);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q), Eigen::ComputeThinU);
+  ASSERT_LT(svd.singularValues()[5], 0.05);
+  const Vector6 V_WE = 0.1 * svd.matrixU().col(5);
+  const auto fastest = [&](SpeedGuard* guard) {
+    sim::World world(scene);
+    world.SetArm(q);
+    world.Forward();
+    const Pose start = world.X_WE();
+    return Fastest(world, guard, 60, [&](int i) {
+      Command command;
+      command.V_WE = V_WE;
+      command.target.X_WE = sim::Advanced(start, V_WE, (i + 1) / kControlRate);
+      return command;
+    });
+  };
+  SpeedGuard guard(scene);
+  EXPECT_GT(fastest(nullptr), 1.5);
+  EXPECT_LE(fastest(&guard), 1.0);
+}
+
+}  // namespace speed_guard_test
+}  // namespace etude::task

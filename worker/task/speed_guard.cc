@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/speed_guard.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "services/core/check.h"
+
+namespace etude::task {
+namespace {
+
+constexpr double kStep = 1 / kControlRate;  // s
+// Of a joint's speed limit. The judge lets 1.05 pass: the rest is for what a step of the control does not foresee.
+constexpr double kGuardShare = 0.95;
+constexpr double kForesight = 1.5 * kStep;
+constexpr double kLeastDamping = 1e-3;  // m (and rad)
+constexpr double kMostDamping = 0.1;    // beyond, all directions suffer: the rest is slowed
+constexpr int kHalvings = 12;           // of the search between them
+
+bool Inside(const Eigen::VectorXd& v, const JointBox& box) {
+  return (v.array() >= box.low.array()).all() && (v.array() <= box.high.array()).all();
+}
+
+}  // namespace
+
+Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Vector6& V_WE, const JointBox& box) {
+  ETUDE_CHECK(box.low.size() == J.cols() && box.high.size() == J.cols(), "n={}", J.cols());
+  const auto damped = [&](double log_damping) { return sim::JointMotion(J, V_WE, std::exp(log_damping)); };
+  double least = std::log(kLeastDamping), most = std::log(kMostDamping);
+  if (Eigen::VectorXd v = damped(least); Inside(v, box)) return v;
+  Eigen::VectorXd v = damped(most);
+  if (Inside(v, box)) {
+    for (int i = 0; i < kHalvings; ++i) {
+      const double middle = (least + most) / 2;
+      const Eigen::VectorXd tried = damped(middle);
+      if (Inside(tried, box)) {
+        most = middle;
+        v = tried;
+      } else {
+        least = middle;
+      }
+    }
+    return v;
+  }
+  double share = 1;
+  for (Eigen::Index i = 0; i < v.size(); ++i) {
+    const double room = v[i] > 0 ? box.high[i] : -box.low[i];
+    if (std::abs(v[i]) > room) share = std::min(share, std::max(0.0, room) / std::abs(v[i]));
+  }
+  return (share * v).cwiseMax(box.low).cwiseMin(box.high);  // a joint that has to be braked is
+}
+
+Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
+  sim::ControlState state;
+  state.X_WE = world.X_WE();
+  state.v = world.v();
+  const Eigen::VectorXd q = world.q();
+  state.J = kinematics_.Jacobian(q);
+  // The hand's velocity goes to this one with the controller's damping; without what the turning of the joints itself
+  // changes, which the controller does not know.
+  const Pose now = sim::Advanced(command.target.X_WE, command.V_WE, -kStep);
+  const Vector6 wanted = state.J * state.v + sim::ToolAcceleration(state, now, command.V_WE, config_) / config_.kv;
+  const Vector6 bend = (kinematics_.Jacobian(q + kStep * state.v) - state.J) * state.v / (kStep * config_.kv);
+  // how much of the way there is made meanwhile where nothing is in the way: what holds the hand up may give way now
+  const double gain = 1 - std::exp(-config_.kv * kForesight);
+  const Eigen::VectorXd limit = kGuardShare * world.scene().arm().joint_speed;
+  const JointBox box{state.v + (-limit - state.v) / gain, state.v + (limit - state.v) / gain};
+  const Eigen::VectorXd asked = sim::JointMotion(state.J, wanted - bend, kLeastDamping);
+  if (Inside(asked, box)) return command;
+  Command guarded = command;
+  guarded.V_WE = state.J * JointVelocityWithin(state.J, wanted - bend, box) + bend;
+  guarded.target.X_WE = sim::Advanced(state.X_WE, guarded.V_WE, kStep);
+  return guarded;
+}
+
+}  // namespace etude::task

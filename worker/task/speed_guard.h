@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The last thing before a command of a rollout: no joint is driven faster than it may turn.
+#pragma once
+
+#include <memory>
+
+#include "worker/sim/controller.h"
+#include "worker/sim/world.h"
+#include "worker/task/episode_runner.h"
+
+namespace etude::task {
+
+/// Joint velocities (n, rad/s) that are allowed, each on its own.
+struct JointBox {
+  Eigen::VectorXd low, high;
+};
+
+/// Joint velocities (n, rad/s) within `box` that move the tool as `V_WE` (6, m/s and rad/s, linear first) asks, as
+/// nearly as it allows: near a singularity what would turn the wrist without end is left out, the rest is slowed along
+/// its direction.
+/// @param J  (6, n) of the tool
+/// @pre low <= high
+Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Eigen::Matrix<double, 6, 1>& V_WE,
+                                    const JointBox& box);
+
+/// Changes a command whose spring and path would soon have a joint turn faster than its limit: a hand that lags (it
+/// hung on something, what it pushed gave way), a reference that turns at a new answer, a wrist that has to turn over.
+/// All others pass as they are. The Tracker bounds what the path asks of the joints; this, what the controller does.
+class SpeedGuard {
+ public:
+  explicit SpeedGuard(std::shared_ptr<const sim::Scene> scene) : kinematics_(std::move(scene)) {}
+
+  /// @param world  in which `command` is the next
+  Command Guarded(const Command& command, const sim::World& world);
+
+ private:
+  sim::Kinematics kinematics_;
+  sim::ControllerConfig config_;
+};
+
+}  // namespace etude::task
