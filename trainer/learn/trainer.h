@@ -58,7 +58,7 @@ struct RunOptions {
   /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
   std::shared_ptr<Ranks> ranks;
   torch::Device device = torch::kCPU;  ///< where the network is trained (policy/device.h)
-  int replicas = 0;                    ///< where threads.replicas leaves it open; 0: one a core
+  int replicas = 0;                    ///< where threads.replicas and the run's own state leave it open; 0: one a core
 };
 
 /// @error kInvalidArgument: neither steps nor minutes
