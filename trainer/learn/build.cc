@@ -277,6 +277,14 @@ Status BeginWithCheckpoint(TrainingRun& run, Policies& policies) {
   return {};
 }
 
+// Of a run that begins with no checkpoint.
+Status CheckNothingIsKept(const InitConfig& init) {
+  if (init.freeze.empty()) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("init.freeze: {}: nothing was learned yet that could be kept; give --init FILE",
+                          fmt::join(init.freeze, ", ")));
+}
+
 // what was saved is of this network, robot and camera
 Status CheckFits(const RunState& state, const TrainingRun& run) {
   const std::string architecture = policy::ArchitectureHash(run.config.policy);
@@ -347,10 +355,8 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
-  } else if (!run.config.init.freeze.empty()) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("init.freeze: {}: nothing was learned yet that could be kept; give --init FILE",
-                            fmt::join(run.config.init.freeze, ", ")));
+  } else {
+    ETUDE_RETURN_IF_ERROR(CheckNothingIsKept(run.config.init));
   }
   for (auto& policy : policies) {
     policy->Freeze(run.config.init.freeze);
@@ -413,6 +419,18 @@ std::vector<std::string> DatasetsOf(const data::Dataset& dataset) {
   std::vector<std::string> datasets;
   for (std::size_t folder = 0; folder < dataset.folders(); ++folder) datasets.push_back(dataset.spec_sha256(folder));
   return datasets;
+}
+
+Status CheckBeginning(const TrainConfig& config, bool resume) {
+  ETUDE_RETURN_IF_ERROR(config.Validate());
+  ETUDE_RETURN_IF_ERROR(RequireLimit(config));
+  TrainingRun run;
+  run.config = config;
+  ETUDE_RETURN_IF_ERROR(OpenTextEncoder(run));
+  if (resume) return checkpoint::CheckFreeze(config.policy, config.init.freeze);
+  if (config.init.from.empty()) return CheckNothingIsKept(config.init);
+  ETUDE_RETURN_IF_ERROR(checkpoint::ReadFile(config.init.from));
+  return {};
 }
 
 Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,

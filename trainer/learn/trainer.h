@@ -64,6 +64,10 @@ struct RunOptions {
 /// @error kInvalidArgument: neither steps nor minutes
 Status RequireLimit(const TrainConfig& config);
 
+/// Says what Trainer::Create would refuse whatever the data are: the configuration, its limit, and files that a run
+/// begins with or, with `resume`, goes on with. @error as Trainer::Create
+Status CheckBeginning(const TrainConfig& config, bool resume);
+
 /// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it
 /// waits for enough of them (await_data.h).
 class Trainer {
