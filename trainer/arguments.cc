@@ -79,6 +79,9 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--sign", arguments.sign,
                  "sign published checkpoints with this key (etude security signing-key FILE)");
   app.add_flag("--offline", arguments.offline, "do not publish on the bus");
+  app.add_flag("--check", arguments.check,
+               "only say what is wrong with the options, the experiment and what the run begins with; --data need not "
+               "be there yet");
   bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
   app.add_option("--seed", arguments.seed, "of weights and sample order (default: the experiment's)");

@@ -26,7 +26,7 @@ struct Arguments {
   int ranks = 1, rank = -1;
   std::string meet, device = "cpu", sign;
   std::vector<std::string> words;  ///< of the command line, for other ranks
-  bool has_seed = false, resume = false, follow = false, offline = false;
+  bool has_seed = false, resume = false, follow = false, offline = false, check = false;
   Claim claim = Claim::kRefuse;
   bus::Arguments bus;
 

@@ -225,6 +225,17 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Togeth
                  {participant ? &*participant : nullptr, source, together.ranks, device});
 }
 
+// What would be refused hours later, where a run waits for its data. Nothing is written.
+Status Check(const Arguments& arguments) {
+  ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto config, ReadConfig(arguments));
+  ETUDE_RETURN_IF_ERROR(RunName(arguments));
+  ETUDE_RETURN_IF_ERROR(policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
+  ETUDE_RETURN_IF_ERROR(learn::CheckBeginning(config, arguments.resume));
+  fmt::print("experiment '{}' is well\n", config.name);
+  return {};
+}
+
 Status Train(const Arguments& arguments) {
   if (arguments.rank >= arguments.ranks)
     return Fail(Code::kInvalidArgument,
@@ -281,6 +292,6 @@ int main(int argc, char** argv) {
     if (doctor->parsed()) return Doctor();
     if (describe->parsed()) return PrintReference(ConfigReference<learn::TrainConfig>(), as_json), Status();
     ETUDE_RETURN_IF_ERROR(Complete(app, argc, argv, arguments));
-    return Train(arguments);
+    return arguments.check ? Check(arguments) : Train(arguments);
   });
 }

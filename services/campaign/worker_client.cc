@@ -24,6 +24,7 @@
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/task_files.h"
+#include "services/spec/task_name.h"
 
 namespace etude::campaign {
 namespace {
@@ -172,6 +173,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   if (announcement.content != options.content)
     return Refuse(selector().text(), "content number", announcement.content, announcement.version, options.content);
   if (ready.work && ready.spec_sha256 == announcement.spec_sha256) return {};
+  ForgetTaskFiles();  // those of this campaign may say something else than those of the last one
   const std::string origin = fmt::format("campaign '{}'", selector().text());
   const auto json = ParseBoundedJson(announcement.spec_json);
   if (!json) return Fail(Code::kCorrupt, fmt::format("join {}: the announced spec is not JSON", origin));
@@ -182,7 +184,8 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
                                                 TaskFilesOf(spec).empty() ? "" : "; copy the collector's here"));
   ready.work = nullptr;  // the old one's context goes first
   const Selector policy{spec.rollout.run, announcement.policy_id};
-  ETUDE_ASSIGN_OR_RETURN(ready.work, factory({joined->id, spec, policy.text(), [this] { watched->Moved(); }}));
+  ETUDE_ASSIGN_OR_RETURN(
+      ready.work, factory({joined->id, spec, policy.text(), announcement.spec_sha256, [this] { watched->Moved(); }}));
   ready.files_sha256.clear();
   if (options.files_sha256) {
     ETUDE_ASSIGN_OR_RETURN(ready.files_sha256, options.files_sha256(spec));

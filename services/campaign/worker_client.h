@@ -47,6 +47,8 @@ struct JoinedCampaign {
   std::string id;
   CampaignSpec spec;
   std::string policy;  ///< whom rollouts ask: RUN or RUN@ID (see services/policy/client.h)
+  /// SpecHash of `spec`, and so of what its task files have to say. Empty: it is not compared.
+  std::string spec_sha256 = {};
   /// For a factory to call while it takes long: the service manager is told that it moves. May be empty.
   std::function<void()> moved = nullptr;
 };

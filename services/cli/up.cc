@@ -14,6 +14,7 @@
 #include "services/cli/dashboard_service.h"
 #include "services/cli/evaluation.h"
 #include "services/cli/service.h"
+#include "services/cli/sibling_text.h"
 #include "services/cli/up_config.h"
 #include "services/cli/up_record.h"
 #include "services/core/command.h"
@@ -100,26 +101,38 @@ class System {
   std::optional<relay::RelayThread> relay_;  // ends before the participant
 };
 
+Path RunFolder(const UpConfig& config) { return Path(config.out) / "run" / config.train.run; }
+
+Path StateOfRun(const UpConfig& config) { return RunFolder(config) / "training_state.safetensors"; }
+
+bool GoesOn(const UpConfig& config) {
+  std::error_code ignored;
+  return std::filesystem::exists(StateOfRun(config), ignored);
+}
+
+// What the trainer is told, but for the bus. An earlier `up` on the same folder that was stopped is gone on with.
+std::vector<std::string> TrainingWords(const UpConfig& config) {
+  std::vector<std::string> words{"--data",    (Path(config.out) / "dataset").string(),
+                                 "--config",  config.train.config,
+                                 "--out",     RunFolder(config).string(),
+                                 "--name",    config.train.run,
+                                 "--minutes", fmt::format("{}", config.train.minutes),
+                                 "--follow"};
+  for (const auto& text : config.train.set) words.insert(words.end(), {"--set", text});
+  if (GoesOn(config)) words.emplace_back("--resume");
+  return words;
+}
+
 Status System::StartTraining() {
-  const Path run = out_ / "run" / config_.train.run;
+  const Path run = RunFolder(config_);
   ServiceOptions trainer;
   trainer.program = "etude-trainer";
-  trainer.arguments = {"--data",    (out_ / "dataset").string(),
-                       "--config",  config_.train.config,
-                       "--out",     run.string(),
-                       "--name",    config_.train.run,
-                       "--minutes", fmt::format("{}", config_.train.minutes),
-                       "--follow"};
-  for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
+  trainer.arguments = TrainingWords(config_);
   const auto flags = bus_.Flags(security::Role::kTrainer);
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
-  const Path state = run / "training_state.safetensors";
-  if (std::filesystem::exists(state)) {
-    // an earlier `up` on the same folder was stopped: go on from there
-    trainer.arguments.push_back("--resume");
-  } else {
+  if (!GoesOn(config_)) {
     trainer.restart_arguments = {"--resume"};
-    trainer.restart_needs = state;
+    trainer.restart_needs = StateOfRun(config_);
   }
   // --new-id is done already
   if (claim_ == Claim::kAdopt) trainer.arguments.push_back("--adopt");
@@ -246,7 +259,7 @@ EvaluationOptions UpEvaluation(const UpConfig& config, const std::string& run_id
           // a new policy gets a new folder; the same one is resumed
           .out = out / "eval" / fmt::format("step-{:06}", step),
           .subject = {.run_id = run_id, .run = config.train.run},
-          .run_folder = out / "run" / config.train.run};
+          .run_folder = RunFolder(config)};
 }
 
 Status System::RollOut() {
@@ -281,8 +294,7 @@ void System::Drain() {
 
 void System::PrintWhere() const {
   fmt::print("dataset     {}\nrun         {}\nlogs        {}\nelapsed     {}\n", (out_ / "dataset").string(),
-             (out_ / "run" / config_.train.run).string(), (out_ / "logs").string(),
-             FormatDuration(since_start_.Seconds()));
+             RunFolder(config_).string(), (out_ / "logs").string(), FormatDuration(since_start_.Seconds()));
   std::fflush(stdout);
 }
 
@@ -345,6 +357,19 @@ Status CheckEvaluation(const UpConfig& config, const CampaignSpec& collected, co
   return {};
 }
 
+// So is what the trainer would: it begins only when enough is collected.
+Status CheckTraining(const UpConfig& config, const std::string& file) {
+  std::vector<std::string> words = TrainingWords(config);
+  words.emplace_back("--check");
+  ETUDE_ASSIGN_OR_RETURN(const SiblingText answer, AskSibling("etude-trainer", std::move(words)));
+  if (answer.exit_code == kExitOk) return {};
+  const Code code = answer.exit_code == kExitUsage     ? Code::kInvalidArgument
+                    : answer.exit_code == kExitMachine ? Code::kUnavailable
+                                                       : Code::kInternal;
+  return Fail(code, fmt::format("{}: train: {}", file,
+                                answer.text.empty() ? campaign::HowItEnded(answer.exit_code) : answer.text));
+}
+
 // nullopt: it is not wanted, or it cannot be started; then it is said why.
 std::optional<DashboardService> StartDashboard(const UpArguments& arguments, const Path& out, const BusArguments& bus) {
   if (arguments.no_dashboard) return std::nullopt;
@@ -361,6 +386,7 @@ Status Up(const UpArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckEvaluation(config, spec, arguments.file));
   for (const char* program : {"etude-worker", "etude-trainer", "etude-policy"})
     ETUDE_RETURN_IF_ERROR(campaign::FindSibling(program));
+  ETUDE_RETURN_IF_ERROR(CheckTraining(config, arguments.file));
   ETUDE_RETURN_IF_ERROR(MakeFolders(config.out));
   ETUDE_ASSIGN_OR_RETURN(const FileLock lock,
                          FileLock::Take(Path(config.out) / ".up.lock", fmt::format("'{}' is brought up", config.out)));
@@ -372,7 +398,7 @@ Status Up(const UpArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open({security::Role::kCollector, security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude up", .folder = config.out}));
-  const Path run_folder = Path(config.out) / "run" / config.train.run;
+  const Path run_folder = RunFolder(config);
   ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(
                                             participant, bus::Owner{config.train.run, run.id}.partition()));

@@ -39,21 +39,37 @@ const Result<Tasks>& BuiltIn() {
   return tasks;
 }
 
-Result<Task> OfFile(const std::string& path) {
-  static Mutex mutex;
-  static Tasks read ETUDE_GUARDED_BY(mutex);
-  const MutexLock lock(mutex);
-  const auto it = read.find(path);
-  if (it != read.end()) return it->second;
-  ETUDE_ASSIGN_OR_RETURN(TaskSpec task, LoadTaskSpec(path));
-  return read.emplace(path, std::make_shared<const TaskSpec>(std::move(task))).first->second;
-}
+/// Users' files as they were read first: a campaign asks for each of its episodes, and they all mean the same.
+class FileTasks {
+ public:
+  static FileTasks& Get() {
+    static FileTasks tasks;
+    return tasks;
+  }
+  Result<Task> Of(const std::string& path) {
+    const MutexLock lock(mutex_);
+    const auto it = read_.find(path);
+    if (it != read_.end()) return it->second;
+    ETUDE_ASSIGN_OR_RETURN(TaskSpec task, LoadTaskSpec(path));
+    return read_.emplace(path, std::make_shared<const TaskSpec>(std::move(task))).first->second;
+  }
+  void Forget() {
+    const MutexLock lock(mutex_);
+    read_.clear();
+  }
+
+ private:
+  Mutex mutex_;
+  Tasks read_ ETUDE_GUARDED_BY(mutex_);
+};
 
 Error Unknown(const std::string& name, const std::vector<std::string>& known) {
   return {Code::kInvalidArgument, NotKnown(name, known) + ", or the path of a task file (.yaml)"};
 }
 
 }  // namespace
+
+void ForgetTaskFiles() { FileTasks::Get().Forget(); }
 
 bool IsTaskPath(const std::string& base) { return base.ends_with(".yaml"); }
 
@@ -77,7 +93,7 @@ Result<TaskName> ParseTask(const std::string& name) {
   const bool variant = plus != std::string::npos && !IsTaskPath(name);
   TaskName task{name.substr(0, variant ? plus : std::string::npos), variant ? name.substr(plus + 1) : "", nullptr};
   if (IsTaskPath(task.base)) {
-    ETUDE_ASSIGN_OR_RETURN(task.spec, OfFile(task.base));
+    ETUDE_ASSIGN_OR_RETURN(task.spec, FileTasks::Get().Of(task.base));
   } else {
     if (!BuiltIn()) return Fail(BuiltIn().error());
     const auto it = BuiltIn()->find(task.base);

@@ -33,9 +33,12 @@ bool IsTaskPath(const std::string& base);
 std::vector<std::string> BaseTasks();
 /// Those and their variants with something to avoid.
 std::vector<std::string> KnownTasks();
-/// A user's file is read once by a process: what it says then counts.
+/// A user's file is read once by a process, up to ForgetTaskFiles: what it says then counts.
 /// @error kInvalidArgument: unknown (the message has the nearest known one), or a file that makes no sense; kNotFound
 /// Thread safety: concurrent calls.
 Result<TaskName> ParseTask(const std::string& name);
+/// From now on users' files say what they say when they are read next. For a process that takes up another campaign;
+/// within one a task must not change its meaning. Thread safety: concurrent calls, also of the others here.
+void ForgetTaskFiles();
 
 }  // namespace etude

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "trainer/policy/architecture.h"
+#include "trainer/policy/decoder.h"
 #include "trainer/policy/names.h"
 #include "trainer/policy/parts.h"
 
@@ -108,17 +109,8 @@ Names MovedByAttention(const PolicyConfig& config, const Names& freeze) {
   return problems;
 }
 
-// Whether a module's decoder adds what it reads to what its first layer makes of it: where both are as wide.
 bool AddsItsInputs(const Tensors& tensors, const std::string& part) {
-  const std::string decoder = fmt::format("modules.{}.decoder.", part);
-  if (!tensors.contains(decoder + "layer1.weight")) return false;
-  std::int64_t columns = 0, rows = 0;
-  for (const auto& [name, tensor] : tensors) {
-    if (!name.starts_with(decoder + "from.")) continue;
-    columns += tensor.size(1);
-    rows = tensor.size(0);
-  }
-  return columns == rows;
+  return policy::Decoder::AddsItsInputs(tensors, fmt::format("modules.{}.decoder.", part));
 }
 
 /// Makes the tensors part by part.

@@ -188,30 +188,48 @@ Status OpenTextEncoder(TrainingRun& run) {
   return {};
 }
 
-// Of the network in this process.
-int CopiesOf(const TrainingRun& run) {
+int RanksOf(const TrainingRun& run) { return run.options.ranks ? run.options.ranks->size() : 1; }
+
+// Of the network in this process, where a run begins.
+int NewCopies(const TrainingRun& run) {
   // more of them keep the cores of a CPU busy; a CUDA device is with one
   if (!run.options.device.is_cpu()) return 1;
-  if (run.config.threads.replicas > 0) return run.config.threads.replicas;
-  const int ranks = run.options.ranks ? run.options.ranks->size() : 1;
+  // each has a picture of every batch at least
+  const int pictures = std::max(1, run.config.data.batch / RanksOf(run));
+  if (run.config.threads.replicas > 0) return std::min(run.config.threads.replicas, pictures);
   const int cores = run.options.replicas > 0 ? run.options.replicas
                                              : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  return std::clamp(run.config.data.batch / ranks / ThreadsConfig::kFewestPictures, 1, cores);
+  return std::clamp(pictures / ThreadsConfig::kFewestPictures, 1, cores);
 }
 
-Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics) {
+// A run that goes on keeps its own, on a machine with more or fewer cores too: it comes to the same weights. Who asks
+// for another number, or has a number of ranks that cannot share them, gets what was asked for, and is told.
+int CopiesOf(const TrainingRun& run, const std::optional<RunState>& state) {
+  const int copies = NewCopies(run), ranks = RanksOf(run);
+  const int before = state ? state->replicas : 0;
+  if (before == 0 || !run.options.device.is_cpu() || before == copies * ranks) return copies;
+  if (run.config.threads.replicas == 0 && before % ranks == 0 && before <= run.config.data.batch) {
+    Log().info(
+        "goes on with {} replicas, as many as it had (here it would begin with {}; threads.replicas=N changes it)",
+        before, copies * ranks);
+    return before / ranks;
+  }
+  Log().warn("goes on with {} replicas instead of the {} that it had: not what it would have come to with those",
+             copies * ranks, before);
+  return copies;
+}
+
+Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics, int copies) {
   const TrainConfig& config = run.config;
   SetBlasThreads(config.threads.intra_op);
-  const int copies = CopiesOf(run);
-  // each has a picture of every batch at least
-  const int ranks = run.options.ranks ? run.options.ranks->size() : 1;
+  const int ranks = RanksOf(run);
   if (ranks > config.data.batch)
     return Fail(Code::kInvalidArgument,
                 fmt::format("{} ranks share {} pictures a step (data.batch): give no more ranks "
                             "than pictures",
                             ranks, config.data.batch));
   Policies policies;
-  for (int r = 0; r < std::min(copies, config.data.batch / ranks); ++r) {
+  for (int r = 0; r < copies; ++r) {
     ETUDE_ASSIGN_OR_RETURN(
         auto policy, policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed, run.text_encoder));
     policy->train();
@@ -262,6 +280,14 @@ Status BeginWithCheckpoint(TrainingRun& run, Policies& policies) {
   run.scheduler->StartAt(checkpoint::FirstLevelToLearn(run.config.policy, surgery));
   LogSurgery(source, surgery, init);
   return {};
+}
+
+// Of a run that begins with no checkpoint.
+Status CheckNothingIsKept(const InitConfig& init) {
+  if (init.freeze.empty()) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("init.freeze: {}: nothing was learned yet that could be kept; give --init FILE",
+                          fmt::join(init.freeze, ", ")));
 }
 
 // what was saved is of this network, robot and camera
@@ -317,22 +343,25 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
   return {};
 }
 
-Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics, TrainingRun& run) {
-  ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run, statistics));
+Result<std::optional<RunState>> StateToResume(const RunOptions& options) {
+  if (!options.resume) return std::nullopt;
+  ETUDE_ASSIGN_OR_RETURN(auto state, LoadRunState(options.out / "training_state.safetensors"));
+  return std::optional(std::move(state));
+}
+
+Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics,
+                    const std::optional<RunState>& state, int copies_here, TrainingRun& run) {
+  ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run, statistics, copies_here));
   run.scheduler = std::make_unique<curriculum::Scheduler>(run.config.curriculum, Subtasks(run.config.policy));
   run.limit = RunLimit(run.config.steps, run.config.minutes);
-  std::optional<RunState> state;
-  if (run.options.resume) {
-    ETUDE_ASSIGN_OR_RETURN(state, LoadRunState(run.options.out / "training_state.safetensors"));
+  if (state) {
     ETUDE_RETURN_IF_ERROR(CheckFits(*state, run));
     ETUDE_RETURN_IF_ERROR(checkpoint::CheckFreeze(run.config.policy, run.config.init.freeze));
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
-  } else if (!run.config.init.freeze.empty()) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("init.freeze: {}: nothing was learned yet that could be kept; give --init FILE",
-                            fmt::join(run.config.init.freeze, ", ")));
+  } else {
+    ETUDE_RETURN_IF_ERROR(CheckNothingIsKept(run.config.init));
   }
   for (auto& policy : policies) {
     policy->Freeze(run.config.init.freeze);
@@ -356,10 +385,10 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
 }
 
 // All ranks train the same network, on the same data where those stand still.
-Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run) {
+Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run, int copies) {
   if (!run.options.ranks) return {};
   ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("configuration", ToJson(run.config).dump()));
-  ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("threads.replicas", std::to_string(CopiesOf(run))));
+  ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("threads.replicas", std::to_string(copies)));
   if (run.options.follow) return {};
   return run.options.ranks->CheckSame("dataset", snapshot.Fingerprint());
 }
@@ -397,6 +426,18 @@ std::vector<std::string> DatasetsOf(const data::Dataset& dataset) {
   return datasets;
 }
 
+Status CheckBeginning(const TrainConfig& config, bool resume) {
+  ETUDE_RETURN_IF_ERROR(config.Validate());
+  ETUDE_RETURN_IF_ERROR(RequireLimit(config));
+  TrainingRun run;
+  run.config = config;
+  ETUDE_RETURN_IF_ERROR(OpenTextEncoder(run));
+  if (resume) return checkpoint::CheckFreeze(config.policy, config.init.freeze);
+  if (config.init.from.empty()) return CheckNothingIsKept(config.init);
+  ETUDE_RETURN_IF_ERROR(checkpoint::ReadFile(config.init.from));
+  return {};
+}
+
 Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                               const RunOptions& options) {
   auto run = std::make_unique<TrainingRun>();
@@ -411,9 +452,11 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_ASSIGN_OR_RETURN(auto statistics, data::ComputeStatistics(*snapshot));
   ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*run->dataset, *snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
-  ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run));
+  ETUDE_ASSIGN_OR_RETURN(const auto state, StateToResume(options));
+  const int copies = CopiesOf(*run, state);
+  ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run, copies));
   ETUDE_RETURN_IF_ERROR(ShareStatistics(options, statistics));
-  ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, *run));
+  ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, state, copies, *run));
   if (!options.ranks || options.ranks->leads()) {
     ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
     run->log = std::make_unique<MetricsLog>(std::move(opened));

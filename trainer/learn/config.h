@@ -65,7 +65,8 @@ inline constexpr double kMostMinutes = 1e6;  ///< about two years
 struct ThreadsConfig {
   /// Copies of the network, each on its own part of the batch with its own thread; gradients are
   /// averaged. Small networks run faster so than with threads inside each operation. 0: one a core, as far as each has
-  /// kFewestPictures of a batch: it normalises by those alone, and what is served by many.
+  /// kFewestPictures of a batch: it normalises by those alone, and what is served by many. A run that goes on has as
+  /// many as before.
   int replicas = 0;
   int intra_op = 1;  ///< threads inside an operation, per replica
 

@@ -70,6 +70,8 @@ RunState StateOf(const TrainingRun& run) {
   state.words = run.words;
   for (const auto& entry : run.validation->episodes()) state.validation.push_back(entry->number());
   state.datasets = DatasetsOf(*run.dataset);
+  if (run.options.device.is_cpu())
+    state.replicas = run.replicas->size() * (run.options.ranks ? run.options.ranks->size() : 1);
   state.best_stage = run.best_stage;
   state.best_score = std::isfinite(run.best_score) ? run.best_score : 0;
   state.checkpoint_step = run.checkpoint_step;

@@ -54,6 +54,7 @@ Status SaveRunState(const Path& path, const RunState& state) {
                   {"modules", checkpoint::ModulesToJson(state.modules)},
                   {"words", state.words},
                   {"validation", state.validation},
+                  {"replicas", state.replicas},
                   {"best_stage", state.best_stage},
                   {"best_score", state.best_score},
                   {"checkpoint_step", state.checkpoint_step},
@@ -107,6 +108,7 @@ Result<RunState> LoadRunState(const Path& path) {
     state.words = run.value("words", std::string());
     state.validation = run.at("validation").get<std::vector<std::uint64_t>>();
     state.datasets = run.value("datasets", std::vector<std::string>());
+    state.replicas = run.value("replicas", 0);
     state.best_stage = run.at("best_stage");
     state.best_score = run.at("best_score");
     state.checkpoint_step = run.at("checkpoint_step");

@@ -28,6 +28,9 @@ struct RunState {
   std::string words;                      ///< TrainingRun::words; "" in states of before
   std::vector<std::uint64_t> validation;  ///< numbers (EpisodeEntry) of the episodes that are validated on
   std::vector<std::string> datasets;  ///< spec hashes of its folders, in their order; older states of one folder: none
+  /// Of the network that every batch was cut for, those of all ranks together: a batch is normalised part by part. 0:
+  /// of a device that trains one, or of a state of before.
+  int replicas = 0;
   int best_stage = 0;
   double best_score = 0;  ///< of the best checkpoint so far, lower is better
   std::uint64_t checkpoint_step = 0;

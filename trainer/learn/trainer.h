@@ -58,11 +58,15 @@ struct RunOptions {
   /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
   std::shared_ptr<Ranks> ranks;
   torch::Device device = torch::kCPU;  ///< where the network is trained (policy/device.h)
-  int replicas = 0;                    ///< where threads.replicas leaves it open; 0: one a core
+  int replicas = 0;                    ///< where threads.replicas and the run's own state leave it open; 0: one a core
 };
 
 /// @error kInvalidArgument: neither steps nor minutes
 Status RequireLimit(const TrainConfig& config);
+
+/// Says what Trainer::Create would refuse whatever the data are: the configuration, its limit, and files that a run
+/// begins with or, with `resume`, goes on with. @error as Trainer::Create
+Status CheckBeginning(const TrainConfig& config, bool resume);
 
 /// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it
 /// waits for enough of them (await_data.h).

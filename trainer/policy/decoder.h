@@ -5,6 +5,7 @@
 
 #include <torch/torch.h>
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,7 +13,8 @@
 namespace etude::policy {
 
 /// Parameters: from.INPUT (h, width of INPUT), bias (h), then layer1, layer2, ... as in Mlp, h the first hidden width.
-/// The initial values are those of one linear layer over all inputs, whatever they are called.
+/// The initial values are those of one linear layer over all inputs, whatever they are called. A hidden layer as wide
+/// as what it reads is residual, the first one included.
 class Decoder : public torch::nn::Module {
  public:
   /// @param inputs  name and width of each, names distinct
@@ -22,6 +24,10 @@ class Decoder : public torch::nn::Module {
   torch::Tensor Forward(const std::vector<torch::Tensor>& features);
   /// Zeroes the last layer.
   void StartAtZero();
+
+  /// Whether the decoder that has the tensors PREFIXfrom.INPUT, PREFIXlayer1.weight, ... adds all that it reads to what
+  /// its first layer makes of it. False where there is no such decoder.
+  static bool AddsItsInputs(const std::map<std::string, torch::Tensor>& tensors, const std::string& prefix);
 
  private:
   std::vector<torch::Tensor> from_;

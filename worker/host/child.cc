@@ -8,6 +8,8 @@
 
 #include "services/core/clock.h"
 #include "services/core/stop.h"
+#include "services/spec/task_files.h"
+#include "services/spec/task_name.h"
 #include "worker/host/messages.h"
 
 namespace etude::host {
@@ -44,10 +46,20 @@ class Child {
     ETUDE_ASSIGN_OR_RETURN(const auto joined, CampaignOf(frame.head));
     work_ = nullptr;  // the old one's context goes first
     spec_ = joined.spec;
+    ForgetTaskFiles();
+    if (const Status same = CheckTaskFiles(joined); !same)
+      return channel_.Send(FrameKind::kFailure, ErrorHead(same.error()));
     auto made = factory_(joined, [this](const policy::Question& question) { return Ask(question); });
     if (!made) return channel_.Send(FrameKind::kFailure, ErrorHead(made.error()));
     work_ = std::move(*made);
     return channel_.Send(FrameKind::kReady, OrderedJson::object());
+  }
+
+  // They may have been written between the host's look at them and this one's: a child may be started at any time.
+  static Status CheckTaskFiles(const campaign::JoinedCampaign& joined) {
+    if (joined.spec_sha256.empty() || SpecHash(joined.spec) == joined.spec_sha256) return {};
+    return Fail(Code::kUnavailable, fmt::format("go on with campaign '{}@{}': {}; put back what was there",
+                                                joined.spec.name, joined.id, WhyHashDiffers(joined.spec)));
   }
 
   Status Work(const Frame& frame) {

@@ -35,7 +35,8 @@ Pose PoseOf(const OrderedJson& json) {
 }  // namespace
 
 OrderedJson CampaignHead(const campaign::JoinedCampaign& joined) {
-  return {{"id", joined.id}, {"spec", ToJson(joined.spec)}, {"policy", joined.policy}};
+  return {
+      {"id", joined.id}, {"spec", ToJson(joined.spec)}, {"policy", joined.policy}, {"spec_sha256", joined.spec_sha256}};
 }
 
 Result<campaign::JoinedCampaign> CampaignOf(const OrderedJson& head) {
@@ -43,6 +44,7 @@ Result<campaign::JoinedCampaign> CampaignOf(const OrderedJson& head) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson spec, Checked("a campaign", [&] {
                            joined.id = head.at("id").get<std::string>();
                            joined.policy = head.at("policy").get<std::string>();
+                           joined.spec_sha256 = head.at("spec_sha256").get<std::string>();
                            return head.at("spec");
                          }));
   ETUDE_ASSIGN_OR_RETURN(joined.spec, FromJson<CampaignSpec>(spec, "a host's campaign"));

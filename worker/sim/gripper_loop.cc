@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/sim/gripper_loop.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <set>
@@ -73,6 +74,31 @@ std::vector<Follower> MeasureFollowers(mjModel& whole, const assets::RobotModel&
     followers.push_back(std::move(follower));
   }
   return followers;
+}
+
+std::vector<double> StrokeOfBodies(const mjModel& alone, const assets::RobotModel& robot) {
+  const auto q = [&](mjData& data, const std::string& joint) -> mjtNum& {
+    return data.qpos[alone.jnt_qposadr[mj_name2id(&alone, mjOBJ_JOINT, joint.c_str())]];
+  };
+  const auto placed = [&](double driven) {
+    DataPtr data(mj_makeData(&alone));
+    for (std::size_t i = 0; i < robot.joints.size(); ++i) q(*data, robot.joints[i]) = robot.q_home[i];
+    for (const std::string& joint : robot.gripper_joints) q(*data, joint) = driven;
+    for (const auto& coupled : robot.coupled_joints) q(*data, coupled.joint) = coupled.offset + coupled.factor * driven;
+    mj_kinematics(&alone, data.get());
+    return data;
+  };
+  const DataPtr open = placed(robot.gripper_open), closed = placed(robot.gripper_closed);
+  std::vector<double> stroke;
+  for (int body = 0; body < alone.nbody; ++body) {
+    mjtNum way[3], turn[4], back[4], angles[3];
+    mju_sub3(way, closed->xpos + 3 * body, open->xpos + 3 * body);
+    mju_negQuat(back, open->xquat + 4 * body);
+    mju_mulQuat(turn, back, closed->xquat + 4 * body);
+    mju_quat2Vel(angles, turn, 1);
+    stroke.push_back(std::max(mju_norm3(way), mju_norm3(angles)));
+  }
+  return stroke;
 }
 
 }  // namespace etude::sim

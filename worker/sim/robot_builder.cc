@@ -23,6 +23,8 @@ constexpr const char* kToolSite = "etude_tool";
 constexpr double kQuarter = std::numbers::pi / 2;
 constexpr std::size_t kFewestJoints = 5;
 constexpr double kDampingShare = 0.5;                ///< of a joint's torque, that its damping may take at most
+constexpr double kLeastStroke = 1e-3;                ///< m or rad, of a finger from open to closed
+constexpr double kStill = 1e-7;                      ///< m or rad, that rounding makes of what does not move
 constexpr int kPoints = 3, kAreas = 4;               ///< condim: contacts without and with friction against turning
 constexpr std::array kFriction{1.0, 0.005, 0.0001};  ///< MuJoCo's default
 constexpr double kAreaTorsion = 0.02;                ///< m, that friction of our objects
@@ -65,6 +67,8 @@ class Builder {
       Wrong("masses: '{}' is neither check, trust nor {}", file_.masses, kMassesOfCollision);
     if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
     ETUDE_RETURN_IF_ERROR(FindFollowers());
+    CheckStroke();
+    if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
     for (XMLElement* body : xml_.All("body")) model_.bodies.push_back(body->Attribute("name"));
     model_.defaults = xml_.Defaults();
     model_.materials = xml_.Assets();
@@ -313,6 +317,7 @@ class Builder {
     site->SetAttribute("size", "0.004");
     site->SetAttribute("group", 4);
     model_.tool_site = kToolSite;
+    tool_body_ = body;
     CheckHand(body);
   }
 
@@ -330,6 +335,39 @@ class Builder {
     if (!palm)
       Wrong("tool: no geom of the palm collides: neither of body '{}' nor of what is fixed to it",
             mj_id2name(mj_, mjOBJ_BODY, tool));
+  }
+
+  /// Arm joints that move a body.
+  std::set<int> JointsBelow(int body) const {
+    std::set<int> joints;
+    for (const std::string& name : model_.joints) {
+      const int joint = mj_name2id(mj_, mjOBJ_JOINT, name.c_str());
+      for (int at = body; at > 0; at = mj_->body_parentid[at])
+        if (mj_->jnt_bodyid[joint] == at) joints.insert(joint);
+    }
+    return joints;
+  }
+
+  /// Fingers that stay where they are close on nothing, and a tool that goes with them is nowhere: what is planned asks
+  /// how far the hand reaches when it is open, and when it is closed.
+  void CheckStroke() {
+    const std::vector<double> stroke = StrokeOfBodies(*mj_, model_);
+    const auto moved = [&](int body) { return stroke[static_cast<std::size_t>(body)]; };
+    const RobotFile::Gripper& gripper = file_.gripper;
+    if (moved(tool_body_) > kStill)
+      Wrong("gripper.joint: '{}' moves body '{}', which carries the tool: name a joint that moves the fingers alone",
+            gripper.joint, mj_id2name(mj_, mjOBJ_BODY, tool_body_));
+    const std::set<int> of_hand = JointsBelow(tool_body_);
+    for (int geom = 0; geom < mj_->ngeom; ++geom) {
+      const int body = mj_->geom_bodyid[geom];
+      if (Collides(mj_, geom) && IsFinger(geom) && moved(body) >= kLeastStroke && JointsBelow(body) == of_hand) return;
+    }
+    std::vector<std::string> fingers;
+    for (const auto& group : gripper.fingers) fingers.insert(fingers.end(), group.begin(), group.end());
+    Wrong(
+        "gripper: nothing that collides of the hand's fingers ({}) moves when joint '{}' goes from open ({:g}) to "
+        "closed ({:g}): name the joint that moves them, or those that follow it in gripper.coupled",
+        fmt::join(fingers, ", "), gripper.joint, gripper.open, gripper.closed);
   }
 
   /// A gripper may be turned by half a turn. The tasks ask for y_E along -x of the world; of the two ways the one
@@ -370,6 +408,7 @@ class Builder {
   const mjModel* mj_;
   assets::RobotModel model_;
   std::vector<std::string> notes_, errors_, held_by_points_;
+  int tool_body_ = 0;  ///< that carries the tool
 };
 
 }  // namespace

@@ -7,7 +7,6 @@
 
 #include "dashboard/server/api/context.h"
 #include "services/campaign/eval_comparison.h"
-#include "services/core/identity.h"
 
 namespace etude::api {
 namespace {
@@ -55,7 +54,7 @@ std::string RunOf(Context& context, const OrderedJson& report, const OrderedJson
   const auto all = context.sources.catalog().NewestOf(sources::Kind::kRun, kMostRuns).found;
   if (!run_id.empty())
     for (const auto& found : all)
-      if (const auto identity = ReadIdentity(found.folder); identity && identity->id == run_id) return found.id;
+      if (context.sources.identities().Of(found.folder) == run_id) return found.id;
   std::string by_name;
   for (std::size_t i = 0; i < std::min(all.size(), kMostLooked); ++i) {
     const auto source = context.sources.Run(all[i].id);

@@ -12,7 +12,6 @@
 #include <tuple>
 
 #include "dashboard/server/api/context.h"
-#include "services/core/identity.h"
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 
@@ -283,7 +282,7 @@ std::set<std::string> RolloutsHere(Context& context) {
   std::set<std::string> identities;
   for (const auto& found : *context.sources.catalog().List()) {
     if (found.kind != sources::Kind::kDataset || found.eval.empty()) continue;
-    if (const auto identity = ReadIdentity(found.folder)) identities.insert(identity->id);
+    if (std::string id = context.sources.identities().Of(found.folder); !id.empty()) identities.insert(std::move(id));
   }
   return identities;
 }

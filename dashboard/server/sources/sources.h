@@ -11,6 +11,7 @@
 #include "dashboard/server/sources/catalog.h"
 #include "dashboard/server/sources/dataset_source.h"
 #include "dashboard/server/sources/eval_source.h"
+#include "dashboard/server/sources/identities.h"
 #include "dashboard/server/sources/replays.h"
 #include "dashboard/server/sources/run_source.h"
 
@@ -24,6 +25,7 @@ class Sources {
       : catalog_(std::move(roots), replays), replays_(replays) {}
 
   Catalog& catalog() { return catalog_; }
+  Identities& identities() { return identities_; }
   const Replays& replays() const { return replays_; }
   /// One that was found, or a replay's ("replay.<key>"). @error kNotFound
   Result<std::shared_ptr<DatasetSource>> Dataset(const std::string& id) {
@@ -59,6 +61,7 @@ class Sources {
 
   static constexpr std::size_t kMost = 256;  // more than pages and scrapes look at all the time
   Catalog catalog_;
+  Identities identities_;
   const Replays replays_;
   Mutex mutex_;
   std::uint64_t uses_ ETUDE_GUARDED_BY(mutex_) = 0;

@@ -14,6 +14,7 @@
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/spec/task_name.h"
 #include "tests/services/campaign/collector_fixture.h"
 
 namespace etude::campaign {
@@ -58,6 +59,37 @@ TEST_F(WorkerClientTest, AStandingWorkerGoesOnWithTheNextCampaignOfItsName) {
   ExpectWhole(anew, folder_ / "new");
   EXPECT_EQ(running->progress().refused, 0u) << "nothing was made for the old spec";
   EXPECT_EQ(worker.Wait(10s), 0) << ReadTextFile(folder_ / "w.log").value_or("");
+}
+
+// It kept what the file said when the first campaign began, and said that its spec had another hash here.
+TEST_F(WorkerClientTest, AStandingWorkerReadsTheTaskFilesOfTheNextCampaign) {
+  CampaignSpec spec = Spec("retold", 6);
+  spec.tasks = {(folder_ / "own.yaml").string()};
+  spec.task_weights.clear();
+  const auto say = [&](const std::string& rise) {
+    ASSERT_TRUE(WriteFileAtomically(spec.tasks[0],
+                                    "name: own\nwords: {verbs: [take]}\nstages: [approach, reach, grasp, "
+                                    "lift, hold]\nsuccess: {risen: {by: " +
+                                        rise + "}}\n"));
+    ForgetTaskFiles();  // this process is both campaigns' collector
+  };
+  say("3 cm");
+  Process worker = StartWorker(spec, folder_ / "w.log", 1);
+  {
+    CampaignSpec first = spec;
+    first.episodes = 1000;
+    Running running(std::move(*Open(first, folder_ / "first")));
+    ASSERT_TRUE(WaitFor([&] { return running->progress().committed > 0; }))
+        << ReadTextFile(folder_ / "w.log").value_or("");
+  }
+  say("5 cm");
+  Running running(std::move(*Open(spec, folder_ / "second")));
+  ASSERT_TRUE(WaitFor([&] { return running->progress().complete || !worker.running(); }));
+  ASSERT_TRUE(running->progress().complete) << ReadTextFile(folder_ / "w.log").value_or("");
+  running.Join();
+
+  ExpectWhole(spec, folder_ / "second");
+  EXPECT_EQ(worker.Wait(10s), 0);
 }
 
 TEST_F(WorkerClientTest, TerminatedWorkerReleasesItsWork) {

@@ -91,5 +91,26 @@ TEST_F(EvalCli, UpSaysWhatIsWrongWithItsEvaluationBeforeItStarts) {
   EXPECT_FALSE(std::filesystem::exists(In("out"))) << "nothing was made";
 }
 
+// Before, it was the trainer's last word, when enough had been collected.
+TEST_F(EvalCli, UpSaysWhatIsWrongWithItsTrainingBeforeItCollects) {
+  WriteFile("c.yaml", "name: x\n");
+  for (const auto& [text, says] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"config: compcat", "did you mean 'compact'?"},
+           {"minutes: 0", "give --steps N or --minutes M"},
+           {"minutes: -3", "minutes: -3 not in 0.."},
+           {"set: [policy.activation=silk]", "silk"},
+           {"set: [optimizer.lrr=1]", "did you mean 'lr'?"},
+           {"set: [policy.language=clip:none]", "none"},
+           {"set: [init.from=none.safetensors]", "none.safetensors"},
+           {"set: ['init.freeze=[image]']", "nothing was learned yet"}}) {
+    const std::string file = WriteFile("up.yaml", std::string("campaign: c.yaml\ntrain: {") + text + "}\n");
+    const Outcome outcome = Etude({"up", file, "--out", In("out"), "--domain", "81"});
+    EXPECT_NE(outcome.exit_code, kExitOk) << text;
+    EXPECT_THAT(outcome.text, HasSubstr(file + ": train: ")) << text;
+    EXPECT_THAT(outcome.text, HasSubstr(says)) << text;
+  }
+  EXPECT_FALSE(std::filesystem::exists(In("out"))) << "nothing was made";
+}
+
 }  // namespace eval_test
 }  // namespace etude

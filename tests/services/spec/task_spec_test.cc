@@ -307,6 +307,19 @@ TEST(TaskName, AFileOfTheUsersIsNamedByItsPath) {
   EXPECT_THAT(ParseTask((folder.path() / "none.yaml").string()), HasCode(Code::kNotFound));
 }
 
+TEST(TaskName, AFileIsReadAgainWhenWhatWasReadIsForgotten) {
+  TemporaryFolder folder;
+  const std::string path = (folder.path() / "own.yaml").string();
+  std::string text = kGood;
+  ASSERT_THAT(WriteFileAtomically(path, text), IsOk());
+  const std::string before = ParseTask(path)->spec->sha256;
+  text.replace(text.find("3 cm"), 4, "5 cm");
+  ASSERT_THAT(WriteFileAtomically(path, text), IsOk());
+  EXPECT_EQ(ParseTask(path)->spec->sha256, before) << "a campaign's tasks keep their meaning";
+  ForgetTaskFiles();
+  EXPECT_NE(ParseTask(path)->spec->sha256, before);
+}
+
 TEST(TaskRoles, OnlyWhatATaskAllowsIsItsReference) {
   TaskSpec task;
   task.reference = {.needed = true, .only = {"box"}};

@@ -136,6 +136,27 @@ TEST_F(InitTest, ResumesWithoutTheCheckpointThatItBeganWith) {
   EXPECT_THAT(gone.error().message, HasSubstr("base.safetensors"));
 }
 
+// asked before hours of collecting
+TEST_F(InitTest, WhatCannotBeginIsKnownWithoutData) {
+  EXPECT_TRUE(CheckBeginning(Begun({"init.freeze=[image]"}), false));
+  const Status no_limit = CheckBeginning(Begun({"steps=0"}), false);
+  ASSERT_FALSE(no_limit);
+  EXPECT_THAT(no_limit.error().message, HasSubstr("give --steps"));
+  const Status nothing_kept = CheckBeginning(TinyConfig({"init.freeze=[image]"}), false);
+  ASSERT_FALSE(nothing_kept);
+  EXPECT_THAT(nothing_kept.error().message, HasSubstr("nothing was learned yet"));
+  const Status no_tower = CheckBeginning(TinyConfig({"policy.language=clip:" + (folder_ / "none").string()}), false);
+  ASSERT_FALSE(no_tower);
+  EXPECT_EQ(no_tower.error().code, Code::kNotFound);
+
+  const auto begun = Begun({});
+  std::filesystem::remove(file_);
+  const Status gone = CheckBeginning(begun, false);
+  ASSERT_FALSE(gone);
+  EXPECT_THAT(gone.error().message, HasSubstr("base.safetensors"));
+  EXPECT_TRUE(CheckBeginning(begun, true)) << "it has its own weights by then";
+}
+
 TEST_F(InitTest, RefusesPartsThatDoNotFitByName) {
   const Status wide = Train(Begun({"policy.joint_hidden=[16]"}), folder_ / "wide");
   ASSERT_FALSE(wide);

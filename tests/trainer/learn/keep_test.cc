@@ -227,6 +227,23 @@ TEST_F(KeepTest, ReplicasHaveEnoughPicturesToNormaliseBy) {
   EXPECT_EQ(asked->replicas->size(), 3) << "who asks for more gets them";
 }
 
+// On a machine with more cores it took more replicas, and came to other weights than where it began.
+TEST_F(KeepTest, GoesOnWithAsManyReplicasAsItHad) {
+  const auto replicas = [&](const std::vector<std::string>& overrides, int cores, bool resume) {
+    std::vector<std::string> all{"data.batch=32"};
+    all.insert(all.end(), overrides.begin(), overrides.end());
+    const auto run = BuildRun(TinyConfig(all), dataset_, {.out = folder_ / "run", .resume = resume, .replicas = cores});
+    EXPECT_TRUE(run) << run.error().message;
+    if (!run) return 0;
+    EXPECT_TRUE(resume || KeepNow(**run, {}, false));
+    return (*run)->replicas->size();
+  };
+  EXPECT_EQ(replicas({"threads.replicas=0"}, 2, false), 2);
+  EXPECT_EQ(replicas({"threads.replicas=0"}, 4, true), 2) << "more cores";
+  EXPECT_EQ(replicas({"threads.replicas=0"}, 1, true), 2) << "fewer";
+  EXPECT_EQ(replicas({"threads.replicas=3"}, 4, true), 3) << "who asks for others gets them";
+}
+
 // A lost episode ends no run; scores on the others are new ones.
 TEST_F(KeepTest, ResumesWithTheValidationEpisodesThatAreLeft) {
   CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "services/store/safetensors.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
@@ -25,6 +26,7 @@ RunState Example() {
   state.embodiment.robot = "ur5";
   state.modules["LANG"] = {12, 0.5};
   state.validation = {3, 17};
+  state.replicas = 6;
   state.best_stage = 2;
   state.best_score = 0.1;
   state.checkpoint_step = 12000;
@@ -51,9 +53,24 @@ TEST(RunState, ReadsBackExactly) {
   EXPECT_EQ(again->embodiment.robot, "ur5");
   EXPECT_EQ(again->modules.at("LANG").error, 0.5);
   EXPECT_EQ(again->validation, state.validation);
+  EXPECT_EQ(again->replicas, 6);
   ASSERT_EQ(again->metrics.size(), 2u);
   EXPECT_EQ(again->metrics.at("LANG.accuracy"), 0.75);
   EXPECT_TRUE(std::isnan(again->metrics.at("TAR3D.cm")));
+}
+
+TEST(RunState, ReadsStatesThatSayNothingOfReplicas) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(SaveRunState(folder / "s", Example()));
+  auto file = store::ReadSafetensors(folder / "s");
+  ASSERT_TRUE(file);
+  auto run = OrderedJson::parse(file->metadata.at("run"));
+  ASSERT_EQ(run.erase("replicas"), 1u);
+  file->metadata["run"] = run.dump();
+  ASSERT_TRUE(store::WriteSafetensors(folder / "s", *file));
+  const auto state = LoadRunState(folder / "s");
+  ASSERT_TRUE(state) << state.error().message;
+  EXPECT_EQ(state->replicas, 0);
 }
 
 TEST(RunState, RefusesWhatIsNone) {

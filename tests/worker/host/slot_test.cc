@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "services/core/clock.h"
+#include "services/core/file.h"
+#include "services/spec/task_name.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::host {
@@ -79,6 +81,44 @@ TEST_F(SlotTest, ReplacesAChildThatHangs) {
 TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campaign::kChildHung, "without progress"); }
 
 TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame"); }
+
+class TaskFileTest : public SlotTest {
+ protected:
+  // A campaign of a task that is done when the target has risen by so much.
+  campaign::JoinedCampaign Campaign(const std::string& rise) {
+    campaign::JoinedCampaign joined{"cd", {}, ""};
+    joined.spec.tasks = {(folder_ / "own.yaml").string()};
+    Say(rise);
+    ForgetTaskFiles();
+    joined.spec_sha256 = SpecHash(joined.spec);
+    return joined;
+  }
+  void Say(const std::string& rise) {
+    EXPECT_TRUE(WriteFileAtomically(folder_ / "own.yaml",
+                                    "name: own\nwords: {verbs: [take]}\nstages: [approach, reach, "
+                                    "grasp, lift, hold]\nsuccess: {risen: {by: " +
+                                        rise + "}}\n"));
+  }
+};
+
+TEST_F(TaskFileTest, AChildReadsTheTaskFilesOfTheNextCampaign) {
+  ASSERT_TRUE(slot_.Begin(Campaign("3 cm")));
+  const auto child = slot_.pid();
+  const Status next = slot_.Begin(Campaign("5 cm"));
+  EXPECT_TRUE(next) << next.error().message;
+  EXPECT_EQ(slot_.pid(), child);
+}
+
+TEST_F(TaskFileTest, AChildThatFindsAnotherTaskThanTheCampaignsDoesNotWork) {
+  ASSERT_TRUE(slot_.Begin(Campaign("3 cm")));
+  Say("5 cm");
+  EXPECT_TRUE(Do(0)) << "what was read counts";
+  ASSERT_TRUE(Do(1)) << "its child crashes";
+  const auto refused = Do(1);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kUnavailable);
+  EXPECT_THAT(refused.error().message, HasSubstr("own.yaml' is not what it was then"));
+}
 
 TEST_F(SlotTest, AsksThePolicyForItsChild) {
   const auto made = Do(4);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/sim/robot_file.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <mujoco/mujoco.h>
 
@@ -226,6 +227,32 @@ TEST_F(BrokenRobot, AHandThatTouchesNothingIsRefused) {
   Replace("sketch/sketch.xml", "<geom friction=\"0.9 0.02 0.001\"",
           "<geom contype=\"0\" conaffinity=\"0\" friction=\"0.9 0.02 0.001\"");
   EXPECT_THAT(Load().message, testing::HasSubstr("gripper.fingers: no geom of theirs collides"));
+}
+
+// A scene of such a hand could not be measured: `etude robot check` ended in the middle.
+TEST_F(BrokenRobot, AHandOfWhichNothingMovesIsRefused) {
+  for (const char* slide : {"left_slide\" axis=\"1 0 0", "right_slide\" axis=\"-1 0 0"}) {
+    // the joints go to an empty body beside the fingers, which stay
+    const std::string joint = fmt::format("<joint name=\"{}\"/>", slide);
+    Replace("sketch/sketch.xml", joint, "");
+    Replace("sketch/sketch.xml", "<site name=\"grip\"",
+            fmt::format("<body childclass=\"finger\">{}<geom class=\"look\" type=\"sphere\" size=\"0.01\" "
+                        "mass=\"0.01\"/></body><site name=\"grip\"",
+                        joint));
+  }
+  const Error error = Load();
+  EXPECT_EQ(error.code, Code::kInvalidArgument);
+  EXPECT_THAT(error.message, testing::HasSubstr((folder_ / "sketch.yaml").string()));
+  EXPECT_THAT(error.message, testing::HasSubstr("nothing that collides of the hand's fingers (left, right) moves when "
+                                                "joint 'left_slide' goes from open (0.04) to closed (0)"));
+  EXPECT_THAT(error.message, testing::HasSubstr("name the joint that moves them"));
+}
+
+TEST_F(BrokenRobot, AGripperThatMovesTheWholeHandIsRefused) {
+  Replace("sketch.yaml", "joint: left_slide", "joint: spin");
+  const Error error = Load();
+  EXPECT_EQ(error.code, Code::kInvalidArgument);
+  EXPECT_THAT(error.message, testing::HasSubstr("gripper.joint: 'spin' moves body 'hand', which carries the tool"));
 }
 
 TEST_F(BrokenRobot, CompilerSettingsArePutIntoTheElements) {
