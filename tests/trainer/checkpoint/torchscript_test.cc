@@ -57,6 +57,30 @@ TEST_P(TorchScriptOf, GivesTheSameWaypointsInPlainLibtorch) {
   EXPECT_EQ(facts["token_buckets"], 64);
 }
 
+TEST(TorchScript, ReadsSensesOfWords) {
+  for (const char* encoder : {"default", "conv"}) {
+    auto config = policy::TinyConfig();
+    config.language.encoder = encoder;
+    config.language.senses = true;
+    const auto senses = language::Senses::Open().value();
+    config.language.sha256 = senses->sha256();
+    const auto example = ExampleCheckpoint(config);
+    const auto bytes = ToTorchScript(example);
+    ASSERT_THAT(bytes, IsOk());
+    std::istringstream stream(*bytes);
+    torch::jit::ExtraFilesMap files{{kTorchScriptFacts, ""}};
+    torch::jit::Module module = torch::jit::load(stream, c10::nullopt, files);
+    EXPECT_EQ(OrderedJson::parse(files[kTorchScriptFacts])["token_senses"], config.language.sha256);
+
+    const auto picture = torch::randint(256, {1, 3, 16, 24}, torch::kUInt8);
+    const auto joints = torch::rand({1, kExampleJoints});
+    const auto say = [&](const language::Senses* known) {
+      return module.forward({picture, joints, TokenIds("push the flask", 64, known)}).toTensor();
+    };
+    EXPECT_FALSE(say(senses.get()).equal(say(nullptr))) << encoder;
+  }
+}
+
 TEST(TorchScript, IsToldTheCameraWhereAModuleReadsIt) {
   auto config = policy::TinyConfig();
   auto& decoder = policy::FindModule(config, "TAR3D")->decoder;

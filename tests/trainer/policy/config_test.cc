@@ -69,6 +69,11 @@ TEST(PolicyConfig, LanguageIsTrainedAlongOrClips) {
     config.language.sha256 = sha256;
     EXPECT_THAT(Problems(config), HasSubstr("language.sha256")) << sha256;
   }
+  config.language.senses = true;
+  EXPECT_THAT(Problems(config), HasSubstr("language.senses"));
+  config.language = {.encoder = "conv", .senses = true, .sha256 = std::string(64, 'f')};
+  EXPECT_EQ(Problems(config), "");
+  EXPECT_EQ(config.language.rows(), config.language.buckets + language::kSenseBuckets);
   config.language = {.encoder = "default", .sha256 = std::string(64, 'f')};
   EXPECT_THAT(Problems(config), HasSubstr("language.sha256"));
   for (const char* encoder : {"clip:", "clip", "bert"}) {

@@ -48,6 +48,60 @@ TEST(TrainedLanguageEncoder, ReadsAnySentenceAndKeepsItsNames) {
                   "language.mlp.layer1.weight", "language.norm.bias", "language.norm.weight", "language.vectors"));
 }
 
+PolicyConfig WithSenses(const std::string& encoder) {
+  PolicyConfig config = TinyConfig();
+  config.language.encoder = encoder;
+  config.language.senses = true;
+  config.language.sha256 = language::Senses::Open().value()->sha256();
+  return config;
+}
+
+TEST(TrainedLanguageEncoder, HasRowsForSenses) {
+  const auto config = WithSenses("default");
+  const auto vectors = MakePolicy(config)->StateTensors().at("language.vectors");
+  EXPECT_EQ(vectors.size(0), config.language.buckets + language::kSenseBuckets);
+}
+
+// With nothing learned of spellings, words are what they mean: "flask" and "decanter" have most of it in common.
+TEST(TrainedLanguageEncoder, ReadsWhatWordsMean) {
+  for (const char* encoder : {"default", "conv"}) {
+    const auto config = WithSenses(encoder);
+    const auto policy = MakePolicy(config);
+    const torch::NoGradGuard no_grad;
+    policy->StateTensors().at("language.vectors").narrow(0, 0, config.language.buckets).zero_();
+    policy->eval();
+    const torch::Tensor said = policy->EncodeSentences({"flask", "decanter", "naan"});
+    EXPECT_LT((said[0] - said[1]).norm().item<double>(), 0.7 * (said[0] - said[2]).norm().item<double>()) << encoder;
+  }
+}
+
+TEST(TrainedLanguageEncoder, LeavesSpellingsOutInTrainingAlone) {
+  const auto policy = MakePolicy(WithSenses("default"));
+  const torch::NoGradGuard no_grad;
+  std::vector<std::string> sentences;
+  for (const char* verb : {"push", "lift", "move", "take", "raise"})
+    for (const char* noun : {"bottle", "can", "box", "bread"}) sentences.push_back(std::string(verb) + " " + noun);
+  policy->eval();
+  const torch::Tensor whole = policy->EncodeSentences(sentences);
+  EXPECT_TRUE(whole.equal(policy->EncodeSentences(sentences)));
+  policy->train();
+  const torch::Tensor trained = policy->EncodeSentences(sentences);
+  EXPECT_TRUE(trained.equal(policy->EncodeSentences(sentences))) << "no draw";
+  const auto changed = (trained != whole).any(1).sum().item<std::int64_t>();
+  EXPECT_GT(changed, 2);
+  EXPECT_LT(changed, static_cast<std::int64_t>(sentences.size()));
+  policy->Freeze({"language"});
+  EXPECT_TRUE(policy->EncodeSentences(sentences).equal(whole)) << "what is frozen answers as it does when it serves";
+}
+
+TEST(TrainedLanguageEncoder, IsNotBuiltOnAnotherWordNet) {
+  PolicyConfig config = WithSenses("conv");
+  config.language.sha256 = std::string(64, 'b');
+  EXPECT_THAT(Policy::Create(config, TinyNormalization(), 1), MessageHas("trained with bbbbbbbbbbbb"));
+  config.language.sha256.clear();
+  EXPECT_THAT(Policy::Create(config, TinyNormalization(), 1), MessageHas("language.sha256 is not resolved"));
+}
+
 PolicyConfig WithConvolutions() {
   PolicyConfig config = TinyConfig();
   config.language.encoder = "conv";
