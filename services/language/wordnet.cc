@@ -234,8 +234,7 @@ std::vector<std::string> WordNet::Senses(const std::string& words) const {
         const Synset synset = ReadSynset(files_->DataOf(part), offset);
         add(synset, part);
         if (part == Part::kAdjective)
-          for (const std::size_t noun : synset.nouns)
-            add(ReadSynset(files_->DataOf(Part::kNoun), noun), Part::kNoun);
+          for (const std::size_t noun : synset.nouns) add(ReadSynset(files_->DataOf(Part::kNoun), noun), Part::kNoun);
         above.insert(above.end(), synset.above.begin(), synset.above.end());
       }
       offsets = std::move(above);

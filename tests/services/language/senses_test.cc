@@ -97,7 +97,8 @@ double Common(const std::string& a, const std::string& b) {
 
 TEST(Senses, AreCloserOfWordsThatMeanSomethingAlike) {
   for (const char* bread : {"naan", "loaf", "toast"})
-    for (const char* other : {"bottle", "can", "cube"}) EXPECT_GT(Common(bread, "bread"), Common(bread, other)) << bread;
+    for (const char* other : {"bottle", "can", "cube"})
+      EXPECT_GT(Common(bread, "bread"), Common(bread, other)) << bread;
   for (const char* bottle : {"flask", "decanter", "cruet"})
     for (const char* other : {"milk", "bread", "cube"}) EXPECT_GT(Common(bottle, "bottle"), Common(bottle, other));
 }
