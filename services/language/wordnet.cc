@@ -70,6 +70,7 @@ std::string_view LineAt(std::string_view file, std::size_t start) {
 
 // The line of a sorted index file that begins with `entry`, or "": bisection over byte offsets.
 std::string_view FindLine(std::string_view file, std::string_view entry) {
+  if (entry.empty()) return "";  // not the licence, whose lines begin with spaces
   std::size_t low = 0, high = file.size();
   while (low < high) {
     const std::size_t middle = low + (high - low) / 2;

@@ -136,9 +136,9 @@ TEST(ConvolutionEncoder, KnowsTheOrderOfWords) {
     torch::manual_seed(3);
     std::unique_ptr<LanguageEncoder> encoder;
     if (language.encoder == "conv")
-      encoder = std::make_unique<ConvolutionEncoder>(language, 8, "silu", LanguageEncoder::Output::kLinear);
+      encoder = std::make_unique<ConvolutionEncoder>(language, nullptr, 8, "silu", LanguageEncoder::Output::kLinear);
     else
-      encoder = std::make_unique<BagOfWordsEncoder>(language, 8, "silu", LanguageEncoder::Output::kLinear);
+      encoder = std::make_unique<BagOfWordsEncoder>(language, nullptr, 8, "silu", LanguageEncoder::Output::kLinear);
     const auto ids = [](const Words& words) {
       std::vector<std::int64_t> flat;
       for (const auto& word : words) flat.insert(flat.end(), word.begin(), word.end());
