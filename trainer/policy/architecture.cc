@@ -48,7 +48,7 @@ OrderedJson LanguageThatWeightsFit(OrderedJson language) {
   config.encoder = language["encoder"].get<std::string>();
   if (config.clip_folder().empty()) return language;
   language["encoder"] = "clip";
-  Erase(language, {"buckets", "width", "hidden"});
+  Erase(language, {"buckets", "width", "hidden", "senses"});
   return language;
 }
 
