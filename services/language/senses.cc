@@ -4,18 +4,32 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 namespace etude::language {
+namespace {
+
+// Those that are open, by folder: replicas of a policy, and one checkpoint after the other, read and hash it once.
+Mutex open_mutex;
+std::map<Path, std::weak_ptr<const Senses>> open_senses ETUDE_GUARDED_BY(open_mutex);
+
+}  // namespace
 
 Result<std::shared_ptr<const Senses>> Senses::Open(const std::string& sha256, const Path& folder) {
-  ETUDE_ASSIGN_OR_RETURN(WordNet wordnet, WordNet::Open(folder));
-  std::string content = wordnet.sha256();
-  if (!sha256.empty() && content != sha256)
+  const MutexLock lock(open_mutex);
+  std::shared_ptr<const Senses> senses = open_senses[folder].lock();
+  if (!senses) {
+    ETUDE_ASSIGN_OR_RETURN(WordNet wordnet, WordNet::Open(folder));
+    std::string content = wordnet.sha256();
+    senses.reset(new Senses(std::move(wordnet), std::move(content)));
+    open_senses[folder] = senses;
+  }
+  if (!sha256.empty() && senses->sha256() != sha256)
     return Fail(Code::kInvalidArgument,
                 fmt::format("WordNet in '{}' has content {:.12}, trained with {:.12}: its words would mean something "
                             "else; install the same version of wordnet-base",
-                            folder.string(), content, sha256));
-  return std::shared_ptr<const Senses>(new Senses(std::move(wordnet), std::move(content)));
+                            folder.string(), senses->sha256(), sha256));
+  return senses;
 }
 
 Senses::Names Senses::Of(const std::string& previous, const std::string& word) const {

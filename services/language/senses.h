@@ -18,6 +18,7 @@ class Senses {
  public:
   using Names = std::shared_ptr<const std::vector<std::string>>;
 
+  /// Who opens a folder that is open already gets the same.
   /// @param sha256  of the WordNet that is wanted (WordNet::sha256); "": any
   /// @error kNotFound, kUnavailable as WordNet::Open; kInvalidArgument: another one is installed
   static Result<std::shared_ptr<const Senses>> Open(const std::string& sha256 = "",

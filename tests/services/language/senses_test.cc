@@ -61,11 +61,14 @@ TEST(Senses, RefuseAnotherWordNetThanTheOneAskedFor) {
 }
 
 TEST(Senses, AreTheSameWhoeverAsksWhen) {
-  const auto fresh = Senses::Open().value();
+  const WordNet wordnet = WordNet::Open().value();
+  const auto senses = Senses::Open().value();
+  EXPECT_EQ(senses.get(), &TheSenses()) << "open already";
   std::vector<std::thread> threads;
   for (int i = 0; i < 4; ++i)
     threads.emplace_back([&] {
-      for (const char* word : {"bottle", "can", "naan", "bottle"}) EXPECT_EQ(*fresh->Of("the", word), Of(word, "the"));
+      for (const char* word : {"bottle", "can", "naan", "bottle"})
+        EXPECT_EQ(*senses->Of("the", word), wordnet.Senses(word));
     });
   for (auto& thread : threads) thread.join();
 }

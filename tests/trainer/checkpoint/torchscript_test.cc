@@ -17,6 +17,15 @@
 namespace etude::checkpoint {
 namespace torchscript_test {
 
+// As a program without anything of ours opens it. @param facts  what is said of it
+torch::jit::Module Load(const std::string& bytes, OrderedJson* facts = nullptr) {
+  std::istringstream stream(bytes);
+  torch::jit::ExtraFilesMap files{{kTorchScriptFacts, ""}};
+  torch::jit::Module module = torch::jit::load(stream, c10::nullopt, files);
+  if (facts) *facts = OrderedJson::parse(files[kTorchScriptFacts]);
+  return module;
+}
+
 class TorchScriptOf : public ::testing::TestWithParam<const char*> {};
 
 INSTANTIATE_TEST_SUITE_P(Encoders, TorchScriptOf, ::testing::Values("default", "conv"));
@@ -28,9 +37,8 @@ TEST_P(TorchScriptOf, GivesTheSameWaypointsInPlainLibtorch) {
   const auto bytes = ToTorchScript(example);
   ASSERT_THAT(bytes, IsOk());
 
-  std::istringstream stream(*bytes);
-  torch::jit::ExtraFilesMap files{{kTorchScriptFacts, ""}};
-  torch::jit::Module module = torch::jit::load(stream, c10::nullopt, files);
+  OrderedJson facts;
+  torch::jit::Module module = Load(*bytes, &facts);
 
   const auto policy = BuildPolicy(example);
   ASSERT_THAT(policy, IsOk());
@@ -51,7 +59,6 @@ TEST_P(TorchScriptOf, GivesTheSameWaypointsInPlainLibtorch) {
     EXPECT_LE(apart.narrow(1, 0, 3).max().item<double>(), 1e-5) << sentence << ": m";
     EXPECT_LE(apart.narrow(1, 3, kWaypointSize - 3).max().item<double>(), 1e-4) << sentence << ": rotations, gripper";
   }
-  const auto facts = OrderedJson::parse(files[kTorchScriptFacts]);
   EXPECT_EQ(facts["crop"], OrderedJson::parse("[10, 20, 24, 16]"));
   EXPECT_EQ(facts["step"], 100);
   EXPECT_EQ(facts["token_buckets"], 64);
@@ -67,10 +74,9 @@ TEST(TorchScript, ReadsSensesOfWords) {
     const auto example = ExampleCheckpoint(config);
     const auto bytes = ToTorchScript(example);
     ASSERT_THAT(bytes, IsOk());
-    std::istringstream stream(*bytes);
-    torch::jit::ExtraFilesMap files{{kTorchScriptFacts, ""}};
-    torch::jit::Module module = torch::jit::load(stream, c10::nullopt, files);
-    EXPECT_EQ(OrderedJson::parse(files[kTorchScriptFacts])["token_senses"], config.language.sha256);
+    OrderedJson facts;
+    torch::jit::Module module = Load(*bytes, &facts);
+    EXPECT_EQ(facts["token_senses"], config.language.sha256);
 
     const auto picture = torch::randint(256, {1, 3, 16, 24}, torch::kUInt8);
     const auto joints = torch::rand({1, kExampleJoints});
@@ -88,8 +94,7 @@ TEST(TorchScript, IsToldTheCameraWhereAModuleReadsIt) {
   decoder.from = {"TAR2D"};
   const auto bytes = ToTorchScript(ExampleCheckpoint(config));
   ASSERT_THAT(bytes, IsOk());
-  std::istringstream stream(*bytes);
-  torch::jit::Module module = torch::jit::load(stream);
+  torch::jit::Module module = Load(*bytes);
   const Viewpoint above = ViewpointOf(40, 40, 24, 24, {{0, 0, 1}, Eigen::Quaterniond::Identity()});
   const auto viewpoint = torch::tensor(std::vector<float>(above.begin(), above.end())).view({1, kViewpointSize});
   const std::vector<torch::jit::IValue> inputs{torch::randint(256, {1, 3, 16, 24}, torch::kUInt8),
@@ -106,8 +111,7 @@ TEST(TorchScript, IsToldTheCameraWhereAModuleReadsIt) {
 TEST(TorchScript, KeepsWeightsAsParameters) {
   const auto bytes = ToTorchScript(ExampleCheckpoint(policy::TinyConfig()));
   ASSERT_THAT(bytes, IsOk());
-  std::istringstream stream(*bytes);
-  const torch::jit::Module module = torch::jit::load(stream);
+  const torch::jit::Module module = Load(*bytes);
   EXPECT_GT(module.parameters().size(), 20u);
 }
 
