@@ -144,7 +144,8 @@ Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
-  options.files_sha256 = task::UserFilesSha256;
+  task::UserFiles files;
+  options.files_sha256 = [&](const CampaignSpec& spec) { return files.Sha256(spec); };
   Fingerprints fingerprints(arguments.renderer);
   options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
@@ -174,11 +175,11 @@ Status BeChild(const Arguments& arguments) {
 
 // One slot of a host, on a thread of its own: a worker on the bus whose attempts a child makes.
 Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options,
-                  Fingerprints& fingerprints) {
+                  task::UserFiles& files, Fingerprints& fingerprints) {
   campaign::WorkerOptions options = arguments.worker;
   options.name = slot_options.name;
   options.prefetch = true;
-  options.files_sha256 = task::UserFilesSha256;
+  options.files_sha256 = [&](const CampaignSpec& spec) { return files.Sha256(spec); };
   options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   host::Slot slot(std::move(slot_options));
@@ -198,6 +199,7 @@ Status Host(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
+  task::UserFiles files;
   Fingerprints fingerprints(arguments.renderer);
   const std::string name = arguments.worker.name.empty() ? bus::UniquePeerName() : arguments.worker.name;
   host::SlotOptions options;
@@ -211,7 +213,7 @@ Status Host(const Arguments& arguments) {
   for (std::size_t k = 0; k < ended.size(); ++k) {
     options.name = fmt::format("{}-s{}", name, k);
     threads.emplace_back([&, k, options] {
-      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, fingerprints); });
+      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, files, fingerprints); });
       if (!ended[k]) RequestStop();
     });
   }

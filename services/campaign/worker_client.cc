@@ -79,6 +79,7 @@ struct WorkerClient::Impl {
   void LookAhead(const bus::Lease& lease);
   void HandBackAhead();
   Status Work(const WorkFactory& factory);
+  Status CheckFiles() const;
   Status Serve(const bus::Lease& lease);
   double HandIn(const bus::Lease& lease, const WorkResult& result);
   void Send(const bus::Lease& lease, const WorkResult& result);
@@ -351,6 +352,17 @@ ProgressFunction WorkerClient::Impl::ProgressOf(const bus::Lease& lease) {
   };
 }
 
+// A robot or an object that is edited while the campaign runs would be in some of its episodes and not in others.
+Status WorkerClient::Impl::CheckFiles() const {
+  if (!options.files_sha256) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::string now, options.files_sha256(ready.spec));
+  if (now == ready.files_sha256) return {};
+  return Fail(Code::kUnavailable,
+              fmt::format("go on with campaign '{}@{}': the files of its robots or objects have changed since this "
+                          "worker joined it; put back what was there, or collect another campaign",
+                          selector().name, joined->id));
+}
+
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
   if (joined->last_report && joined->last_report->token == lease.token) {
@@ -370,9 +382,10 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   auto result = ready.work({lease.index, lease.attempt, *weights, ProgressOf(lease)});
   const double seconds = elapsed.Seconds();
   if (result) result->times.wall_s = seconds;
-  if (!result) {
+  const Status same = result ? CheckFiles() : Status(Fail(result.error()));
+  if (!same) {
     Report(lease, kReleased, "{}");
-    return Fail(result.error());
+    return same;
   }
   since_work.Restart();
   // its child is lost, or it is to stop: who has one gets what would have come next

@@ -65,7 +65,8 @@ struct WorkerOptions {
   bool prefetch = false;
   std::chrono::milliseconds idle_timeout{0};  ///< without work for so long it goes home; 0: it waits for ever
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
-  /// those who have the same ones. Left out: "".
+  /// those who have the same ones; asked for again after each attempt, whose result counts only where it is as before.
+  /// Left out: "".
   std::function<Result<std::string>(const CampaignSpec&)> files_sha256;
   /// What its bytes of a campaign depend on; the collector lets work only those who agree as the campaign's
   /// `determinism` asks for. Left out: not compared.

@@ -219,6 +219,16 @@ Result<LineAppender> LineAppender::Duplicate() const {
   return LineAppender(path_, fd);
 }
 
+std::string StampOf(std::span<const Path> files) {
+  std::string stamp;
+  for (const Path& file : files) {
+    std::error_code error;
+    stamp += fmt::format("{} {} ", std::filesystem::last_write_time(file, error).time_since_epoch().count(),
+                         std::filesystem::file_size(file, error));
+  }
+  return stamp;
+}
+
 bool IsPlainName(std::string_view name) {
   return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';

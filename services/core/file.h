@@ -67,6 +67,9 @@ class LineAppender {
   Descriptor file_;
 };
 
+/// When each file was written and how long it is, as one text: what was read from them holds while it is the same.
+std::string StampOf(std::span<const Path> files);
+
 /// True when `name` is fit to be a campaign, run or object name: [a-z0-9_-]{1,64}. Keeps names from
 /// being paths.
 bool IsPlainName(std::string_view name);

@@ -78,6 +78,8 @@ std::vector<std::string> GeneratedObjects() { return Instances(0, kInstancesPerC
 
 bool IsObjectPath(const std::string& name) { return name.find('/') != std::string::npos; }
 
+Path ObjectFolder(const Path& object) { return object.filename() == "object.yaml" ? object.parent_path() : object; }
+
 std::optional<Path> SharedObject(const std::string& name) {
   if (!IsPlainName(name)) return std::nullopt;
   static const Result<Path> objects = FindShared("objects");
@@ -88,8 +90,7 @@ std::optional<Path> SharedObject(const std::string& name) {
 
 std::string SceneName(const std::string& name) {
   if (!IsObjectPath(name)) return name;
-  std::string path = name;
-  if (path.ends_with("/object.yaml")) path.erase(path.rfind('/'));
+  std::string path = ObjectFolder(name).string();
   while (path.size() > 1 && path.back() == '/') path.pop_back();
   return path.substr(path.rfind('/') + 1);
 }

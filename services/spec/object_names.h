@@ -47,6 +47,9 @@ std::vector<std::string> GeneratedObjects();
 /// True for a path to an imported object: it has a slash.
 bool IsObjectPath(const std::string& name);
 
+/// The folder that an object's path means: itself, or where its object.yaml is.
+Path ObjectFolder(const Path& object);
+
 /// The folder of an object that comes with the programs as files (FindShared("objects")); nothing for other names.
 std::optional<Path> SharedObject(const std::string& name);
 

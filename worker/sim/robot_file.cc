@@ -80,29 +80,18 @@ Result<LoadedRobot> ReadRobot(const Path& yaml, const std::set<std::string>& tak
   return robot;
 }
 
-/// When each file was written, as one text: what was read from them is valid while it is the same.
-std::string Stamp(const std::vector<Path>& files) {
-  std::string stamp;
-  for (const Path& file : files) {
-    std::error_code error;
-    stamp += fmt::format("{} {} ", std::filesystem::last_write_time(file, error).time_since_epoch().count(),
-                         std::filesystem::file_size(file, error));
-  }
-  return stamp;
-}
-
 /// Robots as they were read last: a campaign builds a scene for each episode.
 class Cache {
  public:
   Result<LoadedRobot> Get(const Path& yaml, const std::set<std::string>& taken) {
     const MutexLock lock(mutex_);
     Entry& entry = entries_[yaml.string()];
-    if (entry.robots.empty() || entry.stamp != Stamp(entry.sources)) {
+    if (entry.robots.empty() || entry.stamp != StampOf(entry.sources)) {
       entry = {};
       ETUDE_ASSIGN_OR_RETURN(LoadedRobot robot, ReadRobot(yaml, taken));
       entry.sources = robot.sources;
       entry.names = robot.names;
-      entry.stamp = Stamp(robot.sources);
+      entry.stamp = StampOf(robot.sources);
       return entry.robots[Common(entry.names, taken)] = std::move(robot);
     }
     const auto found = entry.robots.find(Common(entry.names, taken));

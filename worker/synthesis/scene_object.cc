@@ -26,8 +26,6 @@ Result<assets::ObjectModel> Drawn(const std::string& name, const GeneratedName& 
   return made.emplace(name, ToSceneObject(object, name)).first->second;
 }
 
-Path FolderOf(const Path& path) { return path.filename() == "object.yaml" ? path.parent_path() : path; }
-
 Status CheckFacts(const ObjectFacts& facts, const Path& folder) {
   const auto is_finite = [](const std::vector<double>& values) {
     return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
@@ -44,7 +42,7 @@ Status CheckFacts(const ObjectFacts& facts, const Path& folder) {
 
 /// The folder's files as they are: MuJoCo reads .obj and .png itself.
 Result<assets::ObjectModel> Imported(const std::string& name) {
-  const Path folder = FolderOf(name);
+  const Path folder = ObjectFolder(name);
   ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
   ETUDE_RETURN_IF_ERROR(CheckFacts(facts, folder));
   assets::ObjectModel model;
@@ -75,7 +73,7 @@ Result<assets::ObjectModel> Imported(const std::string& name) {
 }  // namespace
 
 Result<ObjectFacts> ReadObjectFacts(const Path& path) {
-  return LoadConfig<ObjectFacts>(FolderOf(path) / "object.yaml");
+  return LoadConfig<ObjectFacts>(ObjectFolder(path) / "object.yaml");
 }
 
 Result<assets::ObjectModel> MakeSceneObject(const std::string& name) {

@@ -2,7 +2,9 @@
 #include "worker/task/user_files.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
+#include <utility>
 #include <vector>
 
 #include "services/core/file.h"
@@ -18,12 +20,41 @@ namespace {
 // A scene has room for 2,000 files, and an object has a handful.
 constexpr std::size_t kObjectsOfAScene = 100;
 
+std::vector<std::string> RobotFilesOf(const CampaignSpec& spec) {
+  std::vector<std::string> robots;
+  std::ranges::copy_if(spec.robots, std::back_inserter(robots), sim::IsRobotFile);
+  return robots;
+}
+
+std::vector<std::string> ObjectPathsOf(const CampaignSpec& spec) {
+  std::vector<std::string> objects;
+  std::ranges::copy_if(spec.objects, std::back_inserter(objects), IsObjectPath);
+  return objects;
+}
+
+/// Every file that a scene of the spec's robots and objects is read from. Tasks' files are read once a campaign.
+Result<std::vector<Path>> FilesOf(const CampaignSpec& spec) {
+  std::vector<Path> files;
+  for (const std::string& robot : RobotFilesOf(spec)) {
+    ETUDE_ASSIGN_OR_RETURN(const auto loaded, sim::LoadRobot(robot));
+    files.insert(files.end(), loaded.sources.begin(), loaded.sources.end());
+  }
+  for (const std::string& object : ObjectPathsOf(spec)) {
+    std::error_code error;
+    for (std::filesystem::directory_iterator it(ObjectFolder(object), error), end; !error && it != end;
+         it.increment(error))
+      files.push_back(it->path());
+    if (error) return Fail(ErrnoError("read", ObjectFolder(object), error.value()));
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
 }  // namespace
 
 Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
-  std::vector<std::string> robots, objects;
-  std::ranges::copy_if(spec.robots, std::back_inserter(robots), sim::IsRobotFile);
-  std::ranges::copy_if(spec.objects, std::back_inserter(objects), IsObjectPath);
+  std::vector<std::string> robots = RobotFilesOf(spec);
+  const std::vector<std::string> objects = ObjectPathsOf(spec);
   std::string all;
   for (const std::string& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
@@ -32,8 +63,7 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
   if (robots.empty() && objects.empty()) return all.empty() ? all : Sha256Hex(all);
   for (const std::string& object : objects) {
     // the scene has all but its extent, which decides where things may stand
-    const Path path(object), folder = path.filename() == "object.yaml" ? path.parent_path() : path;
-    ETUDE_ASSIGN_OR_RETURN(const auto yaml, ReadBinaryFile(folder / "object.yaml"));
+    ETUDE_ASSIGN_OR_RETURN(const auto yaml, ReadBinaryFile(ObjectFolder(object) / "object.yaml"));
     all += Sha256Hex(yaml);
   }
   if (robots.empty()) robots.push_back(spec.robots.at(0));
@@ -55,6 +85,18 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
     all += Sha256Hex(yaml);
   }
   return Sha256Hex(all);
+}
+
+Result<std::string> UserFiles::Sha256(const CampaignSpec& spec) {
+  const MutexLock lock(mutex_);
+  ETUDE_ASSIGN_OR_RETURN(const auto files, FilesOf(spec));
+  std::string stamp = StampOf(files);  // before they are read: what is written meanwhile is seen the next time
+  const std::string spec_sha256 = SpecHash(spec);
+  if (spec_sha256 == spec_sha256_ && stamp == stamp_) return sha256_;
+  ETUDE_ASSIGN_OR_RETURN(sha256_, UserFilesSha256(spec));
+  spec_sha256_ = spec_sha256;
+  stamp_ = std::move(stamp);
+  return sha256_;
 }
 
 }  // namespace etude::task

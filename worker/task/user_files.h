@@ -5,6 +5,7 @@
 #include <string>
 
 #include "services/core/result.h"
+#include "services/core/thread_annotations.h"
 #include "services/spec/campaign_spec.h"
 
 namespace etude::task {
@@ -13,5 +14,18 @@ namespace etude::task {
 /// none. Equal on two hosts that make the same episodes.
 /// @error of the files: kNotFound, kInvalidArgument.  Cost: builds a scene for each robot file.
 Result<std::string> UserFilesSha256(const CampaignSpec& spec);
+
+/// The same for who asks again and again: what was found holds while the files are as they were written, and only what
+/// was written since is read. Thread-safe.
+class UserFiles {
+ public:
+  /// @error as UserFilesSha256.  Cost: looks at each file's time and size.
+  Result<std::string> Sha256(const CampaignSpec& spec) ETUDE_EXCLUDES(mutex_);
+
+ private:
+  Mutex mutex_;
+  std::string spec_sha256_ ETUDE_GUARDED_BY(mutex_);  ///< of the spec that was asked for last
+  std::string stamp_ ETUDE_GUARDED_BY(mutex_), sha256_ ETUDE_GUARDED_BY(mutex_);
+};
 
 }  // namespace etude::task

@@ -92,6 +92,43 @@ TEST_F(WorkerClientTest, AStandingWorkerReadsTheTaskFilesOfTheNextCampaign) {
   EXPECT_EQ(worker.Wait(10s), 0);
 }
 
+// Some episodes would have the robot as it was, and others as it is.
+TEST_F(WorkerClientTest, AWorkerEndsWhenItsFilesChangeAndWhatItMadeOfThemIsNotKept) {
+  const CampaignSpec spec = Spec("edited", 8);
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  std::string content = std::string(64, 'a');
+  WorkerOptions options;
+  options.campaign = spec.name;
+  options.files_sha256 = [&](const CampaignSpec&) -> Result<std::string> { return content; };
+  constexpr std::uint64_t kEditedAt = 3;
+  std::uint64_t made = 0;
+  const auto work = [&] {
+    auto client = WorkerClient::Open(*participant_, options);
+    EXPECT_TRUE(client) << client.error().message;
+    return client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
+      return [&, spec = joined.spec](const WorkItem& item) -> Result<WorkResult> {
+        WorkResult result = FakeAttempt(spec, item);
+        if (!result.episode.empty() && ++made == kEditedAt) content = std::string(64, 'b');
+        return result;
+      };
+    });
+  };
+  const Status ended = work();
+  ASSERT_FALSE(ended);
+  EXPECT_EQ(ended.error().code, Code::kUnavailable);
+  EXPECT_NE(ended.error().message.find("have changed"), std::string::npos) << ended.error().message;
+  EXPECT_EQ(made, 3u);
+  EXPECT_EQ(running->progress().committed, 2u);
+  const Status refused = work();
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("other robot or object files"), std::string::npos) << refused.error().message;
+
+  content = std::string(64, 'a');
+  EXPECT_TRUE(work());
+  running.Join();
+  ExpectWhole(spec, folder_ / "data");
+}
+
 TEST_F(WorkerClientTest, TerminatedWorkerReleasesItsWork) {
   const CampaignSpec spec = Spec("drain", 4);
   auto collector = Open(spec, folder_ / "data");

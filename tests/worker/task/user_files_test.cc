@@ -51,6 +51,35 @@ TEST(UserFiles, HashTellsAnObjectsExtent) {
   EXPECT_NE(UserFilesSha256(spec).value(), *before);
 }
 
+TEST(UserFiles, WhatIsAskedForAgainSeesEachFileThatIsWrittenMeanwhile) {
+  TemporaryFolder folder;
+  std::filesystem::copy("deploy/robots", folder.path(), std::filesystem::copy_options::recursive);
+  std::filesystem::copy("deploy/objects/open_box", folder / "my_box", std::filesystem::copy_options::recursive);
+  CampaignSpec spec;
+  spec.robots = {(folder / "sketch.yaml").string()};
+  spec.objects = {"cube", (folder / "my_box/object.yaml").string()};
+  UserFiles files;
+  std::string last = UserFilesSha256(spec).value();
+  EXPECT_EQ(files.Sha256(spec).value(), last);
+  EXPECT_EQ(files.Sha256(spec).value(), last);
+  const auto expect_another = [&](const char* what) {
+    const std::string now = files.Sha256(spec).value_or("");
+    EXPECT_NE(now, last) << what;
+    EXPECT_EQ(now, UserFilesSha256(spec).value()) << what;
+    last = now;
+  };
+  ReplaceInFile(folder / "sketch.yaml", "home: [0,", "home: [0.01,");
+  expect_another("the robot's file");
+  ReplaceInFile(folder / "sketch/meshes/foot.obj", "v 0.083149", "v 0.084");
+  expect_another("a mesh of the robot");
+  ReplaceInFile(folder / "my_box/object.yaml", "extent_m: [0.16,", "extent_m: [0.17,");
+  expect_another("the object's facts");
+  spec.objects = {"cube"};
+  expect_another("the spec");
+  std::filesystem::remove(folder / "sketch/meshes/foot.obj");
+  EXPECT_FALSE(files.Sha256(spec));
+}
+
 TEST(UserFiles, WhatIsMissingIsAnError) {
   CampaignSpec spec;
   spec.objects = {"cube", "./no_such_folder"};
