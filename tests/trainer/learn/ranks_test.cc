@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <map>
 #include <optional>
 #include <thread>
 
@@ -154,19 +156,33 @@ class RanksTrain : public ::testing::Test {
   }
   // the last checkpoint's tensors
   std::map<std::string, torch::Tensor> Train(const TrainConfig& config, const Path& out,
-                                             std::shared_ptr<Ranks> ranks = nullptr) {
+                                             std::shared_ptr<Ranks> ranks = nullptr, bool resume = false) {
     std::map<std::string, torch::Tensor> kept;
     Hooks hooks;
     hooks.on_checkpoint = [&](const checkpoint::Checkpoint& made) -> Status {
       for (const auto& [name, tensor] : made.tensors) kept[name] = tensor.detach().clone();
       return {};
     };
-    auto trainer = Trainer::Create(config, dataset_, {.out = out, .ranks = std::move(ranks)}, hooks);
+    auto trainer = Trainer::Create(config, dataset_,
+                                   {.out = out, .resume = resume, .ranks = std::move(ranks), .replicas = 2}, hooks);
     EXPECT_TRUE(trainer) << trainer.error().message;
     if (!trainer) return kept;
     const Status done = (*trainer)->Run();
     EXPECT_TRUE(done) << done.error().message;
     return kept;
+  }
+
+  using Tensors = std::map<std::string, torch::Tensor>;
+  // of all weights together
+  static double RelativeDistance(const Tensors& made, const Tensors& wanted) {
+    EXPECT_EQ(made.size(), wanted.size());
+    double moved = 0, length = 0;
+    for (const auto& [name, tensor] : wanted) {
+      if (!made.contains(name)) continue;
+      moved += (made.at(name) - tensor).to(torch::kFloat64).square().sum().item<double>();
+      length += tensor.to(torch::kFloat64).square().sum().item<double>();
+    }
+    return std::sqrt(moved / length);
   }
 
   TemporaryFolder folder_;
@@ -188,13 +204,28 @@ TEST_F(RanksTrain, TwoRanksAreOneRankWithTwoReplicas) {
     if (ranks->leads()) made = std::move(kept);
   });
 
-  ASSERT_EQ(made.size(), wanted.size());
-  double moved = 0, length = 0;
-  for (const auto& [name, tensor] : wanted) {
-    moved += (made.at(name) - tensor).to(torch::kFloat64).square().sum().item<double>();
-    length += tensor.to(torch::kFloat64).square().sum().item<double>();
-  }
-  EXPECT_LT(std::sqrt(moved / length), 1e-5);
+  EXPECT_LT(RelativeDistance(made, wanted), 1e-5);
+}
+
+// a run that moves to more machines keeps its parts of a batch, and comes to the same weights
+TEST_F(RanksTrain, ARunOfOneRankGoesOnAsTwo) {
+  const auto config = [](const char* steps) {
+    return TinyConfig({steps, "eval.every_steps=20", "checkpoint.every_steps=1000", "curriculum.enabled=false",
+                       "threads.replicas=0", "data.batch=16"});
+  };
+  const auto begun = Train(config("steps=40"), folder_ / "alone");
+  std::filesystem::copy(folder_ / "alone", folder_ / "together", std::filesystem::copy_options::recursive);
+  ASSERT_EQ(LoadRunState(folder_ / "alone/training_state.safetensors").value().replicas, 2);
+  const auto wanted = Train(config("steps=80"), folder_ / "alone", nullptr, true);
+  Tensors made;
+  AsRanks(2, [&](const std::shared_ptr<Ranks>& ranks) {
+    auto kept = Train(config("steps=80"), folder_ / "together", ranks, true);
+    if (ranks->leads()) made = std::move(kept);
+  });
+
+  EXPECT_LT(RelativeDistance(made, wanted), 1e-5);
+  EXPECT_GT(RelativeDistance(begun, wanted), 1e-3) << "it went on";
+  EXPECT_EQ(LoadRunState(folder_ / "together/training_state.safetensors").value().replicas, 2);
 }
 
 TEST_F(RanksTrain, RefuseToTrainDifferentThingsTogether) {
