@@ -15,6 +15,7 @@
 #include "services/cli/results_record.h"
 #include "services/cli/results_report.h"
 #include "services/cli/results_table.h"
+#include "services/cli/sibling_text.h"
 #include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
@@ -63,9 +64,10 @@ class Maker {
     const Path run = RunOf(row.name, seed);
     if (!IsWholeRun(run)) {
       // asked before hours of collecting
-      ETUDE_ASSIGN_OR_RETURN(const Words beginning, BeginningOf(row, seed, run));
-      ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
-      ETUDE_RETURN_IF_ERROR(Train(row, seed, data, run, beginning));
+      ETUDE_ASSIGN_OR_RETURN(const Words words, TrainingWords(row, seed, run));
+      ETUDE_RETURN_IF_ERROR(CheckTraining(words));
+      ETUDE_RETURN_IF_ERROR(Collect(row));
+      ETUDE_RETURN_IF_ERROR(Train(row, seed, run, words));
     }
     return Evaluate(row, seed, run);
   }
@@ -152,10 +154,10 @@ class Maker {
   Path DataOf(const ResultRow& row) const { return out_ / "data" / DatasetName(row); }
 
   // a collection that is whole already is over at once; one that fails is tried again by what needs it next
-  Result<Path> Collect(const ResultRow& row) {
+  Status Collect(const ResultRow& row) {
     const std::string name = DatasetName(row);
     const Path data = DataOf(row);
-    if (collected_.contains(name)) return data;
+    if (collected_.contains(name)) return {};
     Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
     if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
     const Words set = Sets(row.data.set);
@@ -163,7 +165,7 @@ class Maker {
     ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
     ETUDE_RETURN_IF_ERROR(CheckWholeDataset(data, row.data.episodes));
     collected_.insert(name);
-    return data;
+    return {};
   }
 
   // the run of the same seed, else of the first one that is there; of a run that was stopped, the latest checkpoint is
@@ -200,15 +202,29 @@ class Maker {
     return words;
   }
 
-  Status Train(const ResultRow& row, std::uint64_t seed, const Path& data, const Path& run, const Words& beginning) {
+  // what the trainer is told, but for the bus
+  Result<Words> TrainingWords(const ResultRow& row, std::uint64_t seed, const Path& run) const {
     const ResultTraining& train = row.train;
-    Words words{"train", "--data", data.string(), "--out", run.string(), "--seed", std::to_string(seed), "--offline"};
+    Words words{"--data", DataOf(row).string(), "--out", run.string(), "--seed", std::to_string(seed), "--offline"};
     if (train.steps > 0) words.insert(words.end(), {"--steps", std::to_string(train.steps)});
     if (train.minutes > 0) words.insert(words.end(), {"--minutes", fmt::format("{}", train.minutes)});
+    ETUDE_ASSIGN_OR_RETURN(const Words beginning, BeginningOf(row, seed, run));
     words.insert(words.end(), beginning.begin(), beginning.end());
     const Words set = Sets(train.set);
     words.insert(words.end(), set.begin(), set.end());
-    ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), words));
+    return words;
+  }
+
+  static Status CheckTraining(Words words) {
+    words.emplace_back("--check");
+    const Status good = CheckBySibling("etude-trainer", std::move(words));
+    if (good) return {};
+    return Fail(good.error().Wrap("train"));
+  }
+
+  Status Train(const ResultRow& row, std::uint64_t seed, const Path& run, Words words) {
+    words.insert(words.begin(), "train");
+    ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), std::move(words)));
     // a trainer that somebody stopped has ended well, too
     if (!HasFinished(run))
       return Fail(Code::kUnavailable, fmt::format("the training in '{}' was stopped before its end: the same command "

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "services/campaign/process.h"
+#include "services/core/command.h"
 #include "services/core/descriptor.h"
 #include "services/core/file.h"
 
@@ -39,6 +40,15 @@ Result<SiblingText> AskSibling(const std::string& program, std::vector<std::stri
   SiblingText answer{*exit_code, ReadTextFile(log.path()).value_or("")};
   while (!answer.text.empty() && answer.text.back() == '\n') answer.text.pop_back();
   return answer;
+}
+
+Status CheckBySibling(const std::string& program, std::vector<std::string> arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const SiblingText answer, AskSibling(program, std::move(arguments)));
+  if (answer.exit_code == kExitOk) return {};
+  const Code code = answer.exit_code == kExitUsage     ? Code::kInvalidArgument
+                    : answer.exit_code == kExitMachine ? Code::kUnavailable
+                                                       : Code::kInternal;
+  return Fail(code, answer.text.empty() ? campaign::HowItEnded(answer.exit_code) : answer.text);
 }
 
 Result<OrderedJson> AskSiblingJson(const std::string& program, const std::vector<std::string>& arguments) {

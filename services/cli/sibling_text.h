@@ -17,6 +17,8 @@ struct SiblingText {
 /// Runs a program that lies beside this one to its end, a minute at most.
 /// @error kNotFound, kUnavailable: it cannot be started; kTimeout
 Result<SiblingText> AskSibling(const std::string& program, std::vector<std::string> arguments);
+/// That it ends well. @error as above; else what it says, kInvalidArgument or kUnavailable by its exit code
+Status CheckBySibling(const std::string& program, std::vector<std::string> arguments);
 /// What it prints as JSON. @error as above; kInternal: it failed, or that is not JSON
 Result<OrderedJson> AskSiblingJson(const std::string& program, const std::vector<std::string>& arguments);
 

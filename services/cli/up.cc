@@ -361,13 +361,9 @@ Status CheckEvaluation(const UpConfig& config, const CampaignSpec& collected, co
 Status CheckTraining(const UpConfig& config, const std::string& file) {
   std::vector<std::string> words = TrainingWords(config);
   words.emplace_back("--check");
-  ETUDE_ASSIGN_OR_RETURN(const SiblingText answer, AskSibling("etude-trainer", std::move(words)));
-  if (answer.exit_code == kExitOk) return {};
-  const Code code = answer.exit_code == kExitUsage     ? Code::kInvalidArgument
-                    : answer.exit_code == kExitMachine ? Code::kUnavailable
-                                                       : Code::kInternal;
-  return Fail(code, fmt::format("{}: train: {}", file,
-                                answer.text.empty() ? campaign::HowItEnded(answer.exit_code) : answer.text));
+  const Status good = CheckBySibling("etude-trainer", std::move(words));
+  if (good) return {};
+  return Fail(good.error().Wrap(fmt::format("{}: train", file)));
 }
 
 // nullopt: it is not wanted, or it cannot be started; then it is said why.

@@ -138,21 +138,16 @@ class Painter {
 };
 
 Status WriteVideo(const Episode& episode, const DecisionInsights* insights, const Path& path) {
-  const Path temporary = path.parent_path() / ("." + path.filename().string());
   Painter painter(episode, insights);
   ETUDE_ASSIGN_OR_RETURN(
-      auto writer, video::Mp4Writer::Open(temporary, {.width = painter.size().width,
-                                                      .height = painter.size().height,
-                                                      .rate = {static_cast<int>(kControlRate), episode.image_stride}}));
+      auto writer, video::Mp4Writer::Open(path, {.width = painter.size().width,
+                                                 .height = painter.size().height,
+                                                 .rate = {static_cast<int>(kControlRate), episode.image_stride}}));
   for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
     ETUDE_ASSIGN_OR_RETURN(const auto picture, painter.Paint(k));
     ETUDE_RETURN_IF_ERROR(writer.Write(picture));
   }
-  ETUDE_RETURN_IF_ERROR(writer.Finish());
-  std::error_code error;
-  std::filesystem::rename(temporary, path, error);
-  if (error) return Fail(Code::kUnavailable, fmt::format("write the video '{}': {}", path.string(), error.message()));
-  return {};
+  return writer.Finish();
 }
 
 // False: a stop was requested, and it was not written.

@@ -46,6 +46,7 @@ void InstallStopSignals() {
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+  ::signal(SIGXFSZ, SIG_IGN);  // the write then says EFBIG, which is waited out like a full disk
 }
 
 bool StopRequested() { return stop_requested.load(std::memory_order_relaxed); }

@@ -7,7 +7,8 @@
 namespace etude {
 
 /// Installs handlers for SIGINT and SIGTERM that request a stop (a second signal ends the process at
-/// once) and ignores SIGPIPE: a write to what nobody reads fails with EPIPE. Call once, first thing in main.
+/// once) and ignores SIGPIPE and SIGXFSZ: a write to what nobody reads fails with EPIPE, one beyond the limit on
+/// files with EFBIG. Call once, first thing in main.
 void InstallStopSignals();
 
 /// True after a signal or RequestStop(). Async-signal-safe, thread-safe.

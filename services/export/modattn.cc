@@ -110,9 +110,24 @@ Result<OrderedJson> ReadStates(const Path& folder) {
   return std::move(*json);
 }
 
+// By the PNG's first chunk, before anything is allocated for what it says. Source: PNG specification, 5.2 and 11.2.2.
+bool IsPngOfSaneSides(std::span<const std::uint8_t> png) {
+  constexpr std::uint8_t kHead[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n', 0, 0, 0, 13, 'I', 'H', 'D', 'R'};
+  if (png.size() < sizeof kHead + 8 || !std::equal(std::begin(kHead), std::end(kHead), png.begin())) return false;
+  const auto side = [&](std::size_t at) {
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < 4; ++i) value = value << 8 | png[at + i];
+    return value;
+  };
+  const std::uint32_t width = side(16), height = side(20);
+  return width >= 1 && width <= kMaxImageSide && height >= 1 && height <= kMaxImageSide;
+}
+
 // One picture as a zlib stream; `width` and `height` of 0 are set.
 Result<std::vector<std::uint8_t>> ReadPicture(const Path& path, int& width, int& height) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, kMostPicture));
+  if (!IsPngOfSaneSides(bytes))
+    return Bad(fmt::format("{} is no PNG of at most {} px a side", path.filename().string(), kMaxImageSide));
   cv::Mat picture;
   try {
     picture = cv::imdecode(bytes, cv::IMREAD_COLOR);
@@ -124,8 +139,7 @@ Result<std::vector<std::uint8_t>> ReadPicture(const Path& path, int& width, int&
     width = picture.cols;
     height = picture.rows;
   }
-  if (picture.empty() || picture.cols != width || picture.rows != height || width > kMaxImageSide ||
-      height > kMaxImageSide)
+  if (picture.empty() || picture.cols != width || picture.rows != height)
     return Bad(fmt::format("{} is no picture of {}x{} px", path.filename().string(), width, height));
   return codec::DeflateFrame({picture.data, static_cast<std::size_t>(picture.total()) * 3});
 }

@@ -13,6 +13,7 @@
 #include <limits>
 
 #include "services/core/descriptor.h"
+#include "services/core/growing_file.h"
 #include "services/core/log.h"
 #include "services/episode/action.h"
 #include "services/episode/bounded_json.h"
@@ -371,6 +372,7 @@ void CommitTable::Clear() {
        {&worker_, &host_, &fingerprint_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
     column->Clear();
   unread_ = offset_ = 0;
+  before_.clear();
   ++generation_;
 }
 
@@ -430,12 +432,14 @@ Result<bool> CommitTable::Refresh() {
   struct stat info {};
   if (file.get() < 0 || ::fstat(file.get(), &info) != 0) return Fail(ErrnoError("read", file_, errno));
   const auto length = static_cast<std::uint64_t>(info.st_size);
-  const bool replaced = info.st_dev != device_ || info.st_ino != inode_ || length < offset_;
+  const bool replaced = info.st_dev != device_ || info.st_ino != inode_ || BytesBefore(file.get(), offset_) != before_;
   if (replaced) Clear();
   device_ = info.st_dev;
   inode_ = info.st_ino;
   const std::uint64_t before = offset_;
-  ETUDE_RETURN_IF_ERROR(TakeLines(file.get(), length));
+  const Status taken = TakeLines(file.get(), length);
+  before_ = BytesBefore(file.get(), offset_);
+  if (!taken) return Fail(taken.error());
   return replaced || offset_ != before;
 }
 

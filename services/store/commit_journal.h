@@ -161,6 +161,7 @@ class CommitTable {
   std::size_t most_rows_;
   std::uint64_t generation_ = 0, unread_ = 0;
   std::uint64_t device_ = 0, inode_ = 0, offset_ = 0;  // of the file that was read, and how far
+  std::string before_;                                 // what stands before `offset_`
   std::unordered_map<std::uint64_t, std::size_t> row_of_;
   std::vector<std::uint64_t> index_, bytes_;
   std::vector<std::uint32_t> attempt_, steps_, frames_, draws_;

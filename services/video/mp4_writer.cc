@@ -12,9 +12,13 @@ extern "C" {
 }
 
 #include <array>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
 #include <utility>
 
 #include "services/core/check.h"
+#include "services/core/identity.h"
 
 namespace etude::video {
 namespace {
@@ -43,6 +47,9 @@ std::string Text(int code) {
   av_strerror(code, buffer.data(), buffer.size());
   return buffer.data();
 }
+
+// libav takes what stands before a colon for a protocol.
+std::string UrlOf(const Path& path) { return "file:" + path.string(); }
 
 tl::unexpected<Error> Refused(const Path& path, std::string_view what, int code) {
   return Fail(Code::kUnavailable, fmt::format("write the video '{}': {}: {}", path.string(), what, Text(code)));
@@ -82,6 +89,7 @@ void Configure(const Mp4Options& options, const AVFormatContext& format, AVCodec
 
 struct Mp4Writer::Impl {
   Path path;
+  Path temporary;  // beside it, under a name of its own: others may write the same one; empty when it is in its place
   Mp4Options options;
   std::unique_ptr<AVFormatContext, FreeFormat> format;
   std::unique_ptr<AVCodecContext, FreeCodec> codec;
@@ -92,6 +100,10 @@ struct Mp4Writer::Impl {
   std::int64_t pictures = 0;
   std::uint64_t bytes = 0;
 
+  ~Impl() {
+    std::error_code ignored;
+    if (!temporary.empty()) std::filesystem::remove(temporary, ignored);
+  }
   Status OpenEncoder();
   Status OpenFile();
   // what the encoder has ready goes to the file
@@ -131,7 +143,13 @@ Status Mp4Writer::Impl::OpenFile() {
     return Refused(path, "describe the stream", code);
   stream->time_base = codec->time_base;
   stream->avg_frame_rate = codec->framerate;
-  if (const int code = avio_open(&format->pb, path.c_str(), AVIO_FLAG_WRITE); code < 0)
+  temporary = path.parent_path() / fmt::format(".{}.{}{}", path.stem().string(), NewId(), path.extension().string());
+  // an index in front is made by opening it once more, by its URL
+  const std::string url = UrlOf(temporary);
+  av_freep(&format->url);
+  format->url = av_strdup(url.c_str());
+  ETUDE_CHECK(format->url != nullptr);
+  if (const int code = avio_open(&format->pb, url.c_str(), AVIO_FLAG_WRITE); code < 0)
     return Refused(path, "open the file", code);
   AVDictionary* settings = nullptr;
   if (options.container == Container::kMp4) av_dict_set(&settings, "movflags", "+faststart", 0);
@@ -171,7 +189,7 @@ Result<Mp4Writer> Mp4Writer::Open(const Path& path, const Mp4Options& options) {
   impl->options = options;
   AVFormatContext* format = nullptr;
   const char* kind = options.container == Container::kMp4 ? "mp4" : "webp";
-  if (const int code = avformat_alloc_output_context2(&format, nullptr, kind, path.c_str()); code < 0)
+  if (const int code = avformat_alloc_output_context2(&format, nullptr, kind, nullptr); code < 0)
     return Refused(path, "open the format", code);
   impl->format.reset(format);
   impl->format->flags |= AVFMT_FLAG_BITEXACT;  // no library's version in the file
@@ -212,7 +230,10 @@ Status Mp4Writer::Finish() {
   if (const int code = av_write_trailer(impl.format.get()); code < 0)
     return Refused(impl.path, "write the index", code);
   if (const int code = avio_closep(&impl.format->pb); code < 0) return Refused(impl.path, "close the file", code);
-  ETUDE_RETURN_IF_ERROR(SyncFile(impl.path));
+  ETUDE_RETURN_IF_ERROR(SyncFile(impl.temporary));
+  if (::rename(impl.temporary.c_str(), impl.path.c_str()) != 0)
+    return Fail(ErrnoError("write the video", impl.path, errno));
+  impl.temporary.clear();
   return SyncFolder(impl.path.parent_path());
 }
 

@@ -46,8 +46,9 @@ enum class KeyFrame : std::uint8_t {
 };
 
 /// One file, H.264 (MPEG-4 where libav has no encoder of it), picture k shown at exactly k / rate, no B-frames, its
-/// index in front so that a browser plays it while it arrives. The same pictures are the same bytes. Without Finish the
-/// file is not playable. Not thread-safe.
+/// index in front so that a browser plays it while it arrives. The same pictures are the same bytes. It is written
+/// beside its place and put there by Finish: what was there before stays until then, and for good without. Not
+/// thread-safe.
 class Mp4Writer {
  public:
   /// @error kInvalidArgument: sides that are not even or not positive; kUnavailable: no encoder, or the disk refuses.

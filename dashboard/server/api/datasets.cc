@@ -54,6 +54,7 @@ Result<http::Answer> Dataset(Context& context, const http::Request& request) {
                            {"spec_sha256", info.spec_sha256},
                            {"statistics", http::ForBrowsers(info.statistics)},
                            {"episodes", view->rows.size()},
+                           {"known", view->known},
                            {"total", state.total},
                            {"failed_attempts", failures},
                            {"unreadable", info.unreadable},

@@ -50,7 +50,9 @@ void RemoveOldLogs(const Path& folder) {
 
 }  // namespace
 
-Jobs::Jobs(Path folder) : folder_(std::move(folder)) { RemoveOldLogs(folder_); }
+Jobs::Jobs(Path folder, std::string program) : folder_(std::move(folder)), program_(std::move(program)) {
+  RemoveOldLogs(folder_);
+}
 
 std::string CommandText(const std::vector<std::string>& arguments) {
   std::string text;
@@ -98,16 +100,23 @@ Result<std::string> Jobs::Add(const Request& request) {
   words.insert(words.end(), request.arguments.begin(), request.arguments.end());
   job.command = CommandText(words);
   jobs_.push_front(std::move(job));
-  while (jobs_.size() > kKept && !jobs_.back().running()) {
-    std::error_code ignored;
-    std::filesystem::remove(LogOf(jobs_.back()), ignored);
-    jobs_.pop_back();
-  }
+  ForgetOldest();
   return jobs_.front().id;
 }
 
+// Those that have ended: one that lasts (a policy server) keeps the younger ones from nothing.
+void Jobs::ForgetOldest() {
+  for (auto job = jobs_.end(); jobs_.size() > kKept && job != jobs_.begin();) {
+    --job;
+    if (job->running()) continue;
+    std::error_code ignored;
+    std::filesystem::remove(LogOf(*job), ignored);
+    job = jobs_.erase(job);
+  }
+}
+
 void Jobs::StartJob(Job& job) {
-  const auto program = campaign::FindSibling("etude");
+  const auto program = campaign::FindSibling(program_);
   if (program) {
     std::vector<std::string> argv{program->string()};
     argv.insert(argv.end(), job.arguments.begin(), job.arguments.end());
@@ -129,6 +138,7 @@ void Jobs::End(Job& job, int exit_code) {
   if (job.finish) job.finish(exit_code == 0);
   job.exit_code = exit_code;
   job.ended = WallSeconds();
+  if (exit_code != 0) Log().warn("job={} ended with {}: {}", job.id, exit_code, job.command);
 }
 
 void Jobs::Pump() {

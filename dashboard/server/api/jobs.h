@@ -26,11 +26,12 @@ class Jobs {
  public:
   /// @param folder  for the logs: one goes with its job, and those of gateways that ended go here when they are a day
   /// old
-  explicit Jobs(Path folder);
+  /// @param program  what is started: one that lies beside this one, or an absolute path
+  explicit Jobs(Path folder, std::string program = "etude");
 
   struct Request {
     std::string action;
-    std::vector<std::string> arguments;  ///< behind `etude`, never through a shell
+    std::vector<std::string> arguments;  ///< behind the program, never through a shell
     Weight weight = Weight::kLight;
     std::string once = {};  ///< while one with the same word runs, no second one does; "": any number
     /// Called by Pump at its end, also where it could not be started; shall be quick. @param well  exit code 0
@@ -69,6 +70,7 @@ class Jobs {
     bool running() const { return ended == 0; }
   };
   const Job* Same(const std::string& once) const ETUDE_REQUIRES(mutex_);  // the one that runs
+  void ForgetOldest() ETUDE_REQUIRES(mutex_);
   void StartJob(Job& job) ETUDE_REQUIRES(mutex_);
   static void End(Job& job, int exit_code);
   OrderedJson JsonOf(const Job& job) const;
@@ -76,6 +78,7 @@ class Jobs {
   void CutLog(const Job& job) const;
 
   const Path folder_;
+  const std::string program_;
   mutable Mutex mutex_;
   std::deque<Job> jobs_ ETUDE_GUARDED_BY(mutex_);  // newest first
 };

@@ -193,6 +193,12 @@ OrderedJson WarningsJson(Context& context, const Overview& all) {
                                              "folders with --dir",
                                              more, sources::ToString(kind)),
                                  "/"));
+  for (const auto& root : context.sources.catalog().NotSearched())
+    warnings.push_back(Warning("not_searched",
+                               fmt::format("'{}' has more in it than is looked at: name the folders of datasets, runs "
+                                           "and evaluations with --dir",
+                                           root.string()),
+                               "/"));
   return warnings;
 }
 

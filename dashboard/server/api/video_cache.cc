@@ -10,7 +10,6 @@
 #include "dashboard/server/sources/bounded_folder.h"
 #include "dashboard/server/sources/files.h"
 #include "services/core/hash.h"
-#include "services/core/identity.h"
 #include "services/episode/action.h"
 #include "services/video/mp4_writer.h"
 #include "services/video/picture.h"
@@ -50,18 +49,7 @@ Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record,
     return file;
   }
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
-  // a name of its own: another gateway may share the folder
-  const Path temporary = folder / fmt::format(".{}.{}.mp4", file.stem().string(), NewId());
-  if (const Status made = Make(record, camera, temporary); !made) {
-    std::filesystem::remove(temporary, error);
-    return Fail(made.error());
-  }
-  std::filesystem::rename(temporary, file, error);
-  if (error) {
-    const std::string why = error.message();
-    std::filesystem::remove(temporary, error);
-    return Fail(Code::kUnavailable, fmt::format("keep the video '{}': {}", file.string(), why));
-  }
+  ETUDE_RETURN_IF_ERROR(Make(record, camera, file));
   sources::TrimFolder(folder, most_bytes, file, [](const Path& entry) { return entry.extension() == ".mp4"; });
   return file;
 }

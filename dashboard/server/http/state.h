@@ -2,6 +2,7 @@
 // What the server's connections share. Internal to dashboard/server/http.
 #pragma once
 
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -33,7 +34,8 @@ struct Server::State {
   /// Runs `work` on a thread of the lane. What it throws is logged: a pool ends the process for it.
   void Post(Lane lane, std::function<void()> work);
 
-  std::size_t open_connections = 0;  // network thread only; first, as connections end with the network
+  // first, as connections end with the network, and one that was given up with its last handler, on a pool's thread
+  std::atomic<std::size_t> open_connections = 0;
   const ServerOptions options;
   const Service& service;
   const SocketFactory sockets;

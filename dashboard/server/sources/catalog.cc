@@ -16,8 +16,7 @@
 namespace etude::sources {
 namespace {
 
-constexpr int kDeepest = 5;                   // folders below a root
-constexpr std::size_t kMostEntries = 20'000;  // looked at, of one root
+constexpr int kDeepest = 5;  // folders below a root
 constexpr std::size_t kMostFound = 1'000;
 constexpr std::chrono::seconds kScanEvery{3};
 // what only holds files of what was found already
@@ -72,14 +71,15 @@ std::optional<Kind> KindOf(const Path& folder) {
 // Looks through one root, folders that lie higher first.
 class Search {
  public:
-  Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs, const Path& left_out)
-      : found_(found), logs_(logs), left_out_(left_out) {}
+  Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs, const Path& left_out, std::size_t most_entries)
+      : found_(found), logs_(logs), left_out_(left_out), most_entries_(most_entries) {}
 
   /// @param name  what people call it; another than the other roots have
-  void Root(const Path& root, const std::string& name) {
+  /// @returns false when there was more in it than is looked at
+  bool Root(const Path& root, const std::string& name) {
     std::deque<Step> open{{root, name, "", 0}};
     std::size_t entries = 0;
-    while (!open.empty() && entries < kMostEntries && found_.size() < kMostFound) {
+    while (!open.empty() && entries < most_entries_ && found_.size() < kMostFound) {
       const Step step = std::move(open.front());
       open.pop_front();
       const std::size_t before = found_.size();
@@ -87,6 +87,7 @@ class Search {
       const bool logs = found_.size() > before || step.folder.filename() == "logs";
       if (step.depth < kDeepest) entries += Enter(step, eval, logs, open);
     }
+    return open.empty() && entries < most_entries_;
   }
 
  private:
@@ -113,7 +114,7 @@ class Search {
     std::size_t entries = 0;
     std::error_code error;
     std::filesystem::directory_iterator it(step.folder, error), end;
-    for (; !error && it != end && entries < kMostEntries; it.increment(error), ++entries) {
+    for (; !error && it != end && entries < most_entries_; it.increment(error), ++entries) {
       const std::string name = it->path().filename().string();
       std::error_code ignored;
       if (name.starts_with('.') || it->is_symlink(ignored) || it->path() == left_out_) continue;
@@ -135,6 +136,7 @@ class Search {
   std::vector<Found>& found_;
   std::vector<Catalog::LogFile>& logs_;
   const Path& left_out_;
+  const std::size_t most_entries_;
   std::set<std::pair<Kind, std::string>> ids_;
   std::set<std::string> log_ids_;
 };
@@ -183,16 +185,21 @@ std::string ToString(Kind kind) {
   return "eval";
 }
 
-Catalog::Catalog(std::vector<Path> roots, const Path& left_out)
-    : roots_(Canonical(roots)), names_(NamesOf(roots_)), left_out_(CanonicalOf(left_out)) {}
+Catalog::Catalog(std::vector<Path> roots, const Path& left_out, std::size_t most_entries)
+    : roots_(Canonical(roots)),
+      names_(NamesOf(roots_)),
+      left_out_(CanonicalOf(left_out)),
+      most_entries_(most_entries) {}
 
 void Catalog::Scan() {
   const auto now = MonotonicClock::now();
   if (found_ && now - scanned_ < kScanEvery) return;
   auto found = std::make_shared<std::vector<Found>>();
   auto logs = std::make_shared<std::vector<LogFile>>();
-  Search search(*found, *logs, left_out_);
-  for (std::size_t i = 0; i < roots_.size(); ++i) search.Root(roots_[i], names_[i]);
+  Search search(*found, *logs, left_out_, most_entries_);
+  not_searched_.clear();
+  for (std::size_t i = 0; i < roots_.size(); ++i)
+    if (!search.Root(roots_[i], names_[i])) not_searched_.push_back(roots_[i]);
   std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
   found_ = std::move(found);
   logs_ = std::move(logs);
@@ -223,6 +230,12 @@ std::shared_ptr<const std::vector<Catalog::LogFile>> Catalog::Logs() {
   MutexLock lock(mutex_);
   Scan();
   return logs_;
+}
+
+std::vector<Path> Catalog::NotSearched() {
+  MutexLock lock(mutex_);
+  Scan();
+  return not_searched_;
 }
 
 Result<Found> Catalog::Find(Kind kind, const std::string& id) {

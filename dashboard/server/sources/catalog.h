@@ -33,7 +33,8 @@ class Catalog {
  public:
   /// @param roots     folders; one that is itself a dataset, a run or an evaluation is found as such
   /// @param left_out  a folder below a root that is not looked into; empty: none
-  explicit Catalog(std::vector<Path> roots, const Path& left_out = {});
+  /// @param most_entries  that are looked at, of one root
+  explicit Catalog(std::vector<Path> roots, const Path& left_out = {}, std::size_t most_entries = 20'000);
 
   /// What is there, looked for again at most every three seconds; in order of kind and id.
   std::shared_ptr<const std::vector<Found>> List();
@@ -58,6 +59,8 @@ class Catalog {
     Path folder, file;
   };
   std::shared_ptr<const std::vector<LogFile>> Logs();
+  /// Roots with more in them than is looked at: what lies in the rest was not found.
+  std::vector<Path> NotSearched();
 
  private:
   void Scan() ETUDE_REQUIRES(mutex_);
@@ -65,9 +68,11 @@ class Catalog {
   const std::vector<Path> roots_;
   const std::vector<std::string> names_;  // of the roots, for people
   const Path left_out_;
+  const std::size_t most_entries_;
   Mutex mutex_;
   std::shared_ptr<const std::vector<Found>> found_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const std::vector<LogFile>> logs_ ETUDE_GUARDED_BY(mutex_);
+  std::vector<Path> not_searched_ ETUDE_GUARDED_BY(mutex_);
   MonotonicClock::time_point scanned_ ETUDE_GUARDED_BY(mutex_){};
 };
 

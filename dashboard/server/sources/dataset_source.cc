@@ -164,7 +164,8 @@ DatasetSource::DatasetSource(Found found)
 
 Status DatasetSource::ReadSpec() {
   const FileStamp stamp = StampOf(found_.folder / "dataset.json");
-  if (reader_ && stamp == spec_stamp_) return {};
+  const FileStamp sampling = StampOf(found_.folder / "sampling.jsonl");
+  if (reader_ && stamp == spec_stamp_ && sampling == sampling_stamp_) return {};
   ETUDE_ASSIGN_OR_RETURN(auto reader, store::DatasetReader::Open(found_.folder));
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(found_.folder / "dataset.json", kJsonBytes));
   const auto json = ParseBoundedJson(text);
@@ -187,6 +188,10 @@ Status DatasetSource::ReadSpec() {
     if (auto journal = store::SamplingJournal::Open(found_.folder, info_.spec)) sampling_.emplace(std::move(*journal));
   reader_.emplace(std::move(reader));
   spec_stamp_ = stamp;
+  // what failed was perhaps drawn by weights that were not known yet
+  if (sampling_stamp_ != sampling)
+    for (AttemptRow& row : failures_) TakePlan(row);
+  sampling_stamp_ = sampling;
   changed_ = true;
   return {};
 }
@@ -200,6 +205,11 @@ EpisodeRow DatasetSource::RowFromSpec(std::uint64_t index) {
   row.task = plan.task.text();
   row.target = plan.target, row.reference = plan.reference, row.robot = plan.scene.robot;
   return row;
+}
+
+void DatasetSource::TakePlan(AttemptRow& row) {
+  const EpisodeRow about = RowFromSpec(row.index);
+  row.task = about.task, row.target = about.target, row.robot = about.robot;
 }
 
 EpisodeRow DatasetSource::About(std::uint64_t index) {
@@ -232,8 +242,7 @@ void DatasetSource::ReadFailures() {
                       if (!UnsignedOf(line, "index") || failures_.size() >= kMostRows) return;
                       AttemptRow row = FailureFrom(line);
                       if (row.outcome == store::kRecheckMismatch) return;  // the attempt itself had succeeded
-                      const EpisodeRow about = RowFromSpec(row.index);
-                      row.task = about.task, row.target = about.target, row.robot = about.robot;
+                      TakePlan(row);
                       failures_.push_back(std::move(row));
                       changed_ = true;
                     });

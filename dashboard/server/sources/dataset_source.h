@@ -108,6 +108,7 @@ class DatasetSource {
   void ReadEnd() ETUDE_REQUIRES(mutex_);
   Status ListEpisodes() ETUDE_REQUIRES(mutex_);
   EpisodeRow RowFromSpec(std::uint64_t index) ETUDE_REQUIRES(mutex_);
+  void TakePlan(AttemptRow& row) ETUDE_REQUIRES(mutex_);  ///< what its plan says
   void ForgetUnreadable() ETUDE_REQUIRES(mutex_);
   std::shared_ptr<const DatasetView> Build() ETUDE_REQUIRES(mutex_);
 
@@ -122,7 +123,8 @@ class DatasetSource {
   MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
   std::optional<store::DatasetReader> reader_ ETUDE_GUARDED_BY(mutex_);
   std::optional<store::SamplingJournal> sampling_ ETUDE_GUARDED_BY(mutex_);
-  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_), collector_stamp_ ETUDE_GUARDED_BY(mutex_);
+  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_), sampling_stamp_ ETUDE_GUARDED_BY(mutex_),
+      collector_stamp_ ETUDE_GUARDED_BY(mutex_);
   DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
   store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
   FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);

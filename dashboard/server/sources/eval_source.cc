@@ -16,6 +16,7 @@ constexpr std::chrono::seconds kEvalRefreshEvery{1};
 constexpr std::uint64_t kEvalJsonBytes = 64 << 20;
 constexpr std::size_t kMostRollouts = 100'000;
 constexpr std::size_t kMostVideos = 2'000;
+constexpr std::size_t kMostVideoFiles = 100'000;  // of files in their folder
 
 // rows of both, by index; a streamed one may be newer than the report
 std::vector<OrderedJson> Merged(const OrderedJson& report, const std::vector<OrderedJson>& streamed) {
@@ -40,11 +41,12 @@ std::vector<std::string> VideosIn(const Path& folder) {
   std::vector<std::string> names;
   std::error_code error;
   std::filesystem::directory_iterator entries(folder, error), end;
-  for (; !error && entries != end && names.size() < kMostVideos; entries.increment(error)) {
+  for (; !error && entries != end && names.size() < kMostVideoFiles; entries.increment(error)) {
     const std::string name = entries->path().filename().string();
     if (name.ends_with(".mp4") && !name.starts_with('.')) names.push_back(name);
   }
   std::ranges::sort(names);
+  if (names.size() > kMostVideos) names.resize(kMostVideos);
   return names;
 }
 

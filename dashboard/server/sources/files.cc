@@ -12,6 +12,7 @@
 #include <ctime>
 #include <vector>
 
+#include "services/core/growing_file.h"
 #include "services/episode/bounded_json.h"
 
 namespace etude::sources {
@@ -60,12 +61,12 @@ Result<ConfinedFile> OpenBelow(const Path& folder, const Path& relative) {
 void JsonLines::Refresh(const std::function<void()>& reset, const std::function<void(const OrderedJson&)>& line) {
   const FileStamp now = StampOf(path_);
   if (now == stamp_) return;
-  if (now.inode != stamp_.inode || now.device != stamp_.device || now.size < offset_) {
+  const Descriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC)};
+  if (now.inode != stamp_.inode || now.device != stamp_.device || BytesBefore(file.get(), offset_) != before_) {
     reset();
     offset_ = 0;
   }
   stamp_ = now;
-  Descriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC)};
   std::string text;
   std::vector<char> chunk(kReadChunk);
   for (std::uint64_t at = offset_; file;) {
@@ -86,6 +87,7 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
     }
   }
   torn_ = !text.empty();
+  before_ = BytesBefore(file.get(), offset_);
 }
 
 std::string Rfc3339(double seconds) {

@@ -53,6 +53,7 @@ class JsonLines {
   Path path_;
   FileStamp stamp_;
   std::uint64_t offset_ = 0;
+  std::string before_;  // what stands before it
   bool torn_ = false;
 };
 

@@ -19,7 +19,8 @@ constexpr std::chrono::milliseconds kRunRefreshEvery{500};
 constexpr std::size_t kMostSeries = 500;        // of a run
 constexpr std::size_t kMostPoints = 2'000'000;  // of a series
 constexpr std::size_t kRecentLines = 64;
-constexpr std::size_t kMostCheckpoints = 500;
+constexpr std::size_t kMostCheckpoints = 500;  // whose headers are read: the newest
+constexpr std::size_t kMostNames = 100'000;    // of files in the folder
 constexpr std::string_view kEnding = ".safetensors";
 
 // "modules.LANG.attention.key_weight" -> "LANG", "image.norm.bias" -> "image"
@@ -204,7 +205,7 @@ void RunSource::ReadCheckpoints() {
   std::vector<std::string> files;
   std::error_code error;
   std::filesystem::directory_iterator entries(folder, error), end;
-  for (; !error && entries != end && files.size() < kMostCheckpoints; entries.increment(error)) {
+  for (; !error && entries != end && files.size() < kMostNames; entries.increment(error)) {
     const std::string name = entries->path().filename().string();
     if (!name.ends_with(kEnding) || name.starts_with('.')) continue;
     std::error_code ignored;
@@ -217,6 +218,11 @@ void RunSource::ReadCheckpoints() {
     }
   }
   std::ranges::sort(files, std::greater<>());
+  std::vector<std::string> older(files.begin() + static_cast<std::ptrdiff_t>(std::min(files.size(), kMostCheckpoints)),
+                                 files.end());
+  files.resize(files.size() - older.size());
+  for (auto& file : older)
+    if (channels.contains(file)) files.push_back(std::move(file));
   std::vector<CheckpointHeader> headers;
   for (const auto& file : files) {
     const auto known = std::ranges::find(now_.checkpoints, file, &CheckpointHeader::file);

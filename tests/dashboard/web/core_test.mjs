@@ -122,10 +122,11 @@ test('what modules say, against the truth and against another answer', async () 
 test('numbers as pages write them', async () => {
   const { age, bytes, duration, number, percent, probability } = await load('format.ts');
   assert.deepEqual([number(0.15321), number(6589), number(0), number(null), number(4.8e-9)], ['0.153', '6,589', '0', '–', '4.8e-9']);
+  assert.deepEqual([number(999.7), number(99.6, 2), number(-999.96), number(99.94)], ['1,000', '100', '-1,000', '99.9'], 'no exponent where rounding adds a digit');
   assert.deepEqual([percent(1), percent(0.9875), percent(null)], ['100 %', '98.8 %', '–']);
   assert.deepEqual([duration(588), duration(3725), duration(null)], ['9:48', '1:02:05', '–']);
   assert.deepEqual([age(300), age(14000), age(240000)], ['0.3 s', '14 s', '4 min']);
-  assert.deepEqual([bytes(999), bytes(4680000)], ['999 B', '4.68 MB']);
+  assert.deepEqual([bytes(999), bytes(999600), bytes(4680000)], ['999 B', '1,000 kB', '4.68 MB']);
   assert.deepEqual([probability(0.0001), probability(0.69)], ['< 0.001', '0.69']);
 });
 

@@ -329,7 +329,9 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
 
 test('Fleet lists what the gateway runs, and asks whoever ends it for the token', async () => {
   let jobs = [{ id: '7', action: 'serve', command: 'etude policy --checkpoint latest.safetensors', state: 'running', started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: ['serves'] },
-    { id: '6', action: 'verify', command: 'etude dataset verify data', state: 'done', started: '2026-01-01T09:00:00Z', ended: '2026-01-01T09:00:01Z', exit_code: 0, progress: null, result: null, log: [] }];
+    { id: '6', action: 'verify', command: 'etude dataset verify data', state: 'done', started: '2026-01-01T09:00:00Z', ended: '2026-01-01T09:00:01Z', exit_code: 0, progress: null, result: null, log: [] },
+    { id: '5', action: 'eval', command: 'etude eval --out eval', state: 'failed', started: '2026-01-01T09:00:00Z', ended: new Date().toISOString(), exit_code: 3, progress: null, result: null, log: ['begins', 'no space left on device'] },
+    { id: '4', action: 'mask', command: 'etude dataset filter data', state: 'failed', started: '2026-01-01T09:00:00Z', ended: '2026-01-01T09:00:01Z', exit_code: 1, progress: null, result: null, log: [] }];
   let asked = 0;
   const answers = {
     '/fleet': fleetOf(['lab-a']), '/jobs': () => ({ jobs }), '/session': { enabled: true, authorized: true },
@@ -341,7 +343,8 @@ test('Fleet lists what the gateway runs, and asks whoever ends it for the token'
   };
   await open('/fleet', answers, async (page) => {
     await page.waitForSelector('[data-job=serve]:has-text("etude policy")');
-    assert.equal(await page.locator('[data-job]').count(), 1, 'what has ended is not listed');
+    assert.equal(await page.locator('[data-job]').count(), 2, 'what has ended well, or failed long ago, is not listed');
+    assert.match(await page.locator('[data-job=eval]').innerText(), /failed[^]*exit 3[^]*no space left on device/);
     await page.getByRole('button', { name: 'Stop' }).click();
     await page.waitForSelector('[role=alert]:has-text("token is needed")');
     assert.equal(await page.getByRole('button', { name: 'Stop' }).isEnabled(), false);
@@ -488,6 +491,23 @@ test('Logs: an error that the documentation knows says what to do', async () => 
     assert.equal(await page.locator('[data-advice]').count(), 1);
     assert.match(await page.locator('[data-back-to]').innerText(), /^12 files, back to 2026-11-23 .*were searched/);
     assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('Logs: who stops following keeps what was shown, and not what the page began with', async () => {
+  const logs = (...lines) => ({ sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 1, back_to: null, lines: lines.map((text, n) => ({ source: 's', n, t: '12:00:00', level: 'info', text })) });
+  await open('/logs', { '/logs': logs('of the morning') }, async (page, push) => {
+    await page.waitForSelector('.log li:has-text("of the morning")');
+    await push('logs', logs('of the morning', 'of noon'));
+    await page.waitForSelector('.log li:has-text("of noon")');
+    await page.getByLabel('follow').uncheck();
+    // heard behind it, so that the page has drawn what it shows now
+    await push('events', { total: 1, events: [{ process: 'p', n: 1, level: 'warn', t: '2026-01-01T10:00:00Z', role: 'worker', host: 'h', text: 'a warning' }] });
+    await page.waitForSelector('[data-events]');
+    assert.equal(await page.locator('.log-box li:has-text("of noon")').count(), 1);
+    await page.getByLabel('follow').check();
+    await push('logs', logs('of the morning', 'of noon', 'of the evening'));
+    await page.waitForSelector('.log li:has-text("of the evening")');
   });
 });
 

@@ -86,8 +86,10 @@ function checkPods({file, kind, metadata, spec}) {
     assert.equal(container.securityContext.readOnlyRootFilesystem, true, where);
   }
   for (const container of pod.containers) assert.ok(container.resources.limits.memory, where);
-  // whoever is no hub must notice when the hubs change
-  if (labels["etude.dev/hub"] !== "true") assert.ok(pod.containers[0].livenessProbe, where);
+  // whoever is no hub must notice when the hubs change; a hub waits until it is listed itself
+  const address = pod.containers[0].env.find(({name}) => name === "ETUDE_HUB")?.valueFrom.fieldRef.fieldPath;
+  if (labels["etude.dev/hub"] === "true") assert.equal(address, "status.podIP", where);
+  else assert.ok(pod.containers[0].livenessProbe && !address, where);
   // a campaign that comes with the programs is named as it is installed
   for (const word of pod.containers[0].command)
     if (word.startsWith("/usr/share/etude/")) assert.ok(existsSync(join(root, "deploy", word.slice(17))), `${where}: ${word}`);
@@ -103,9 +105,11 @@ function scriptsFollowHubs() {
   program("getent", `cat "${place}/dns"; [ -s "${place}/dns" ]`);
   program("etude", `echo "\${CYCLONEDDS_URI-none} $*" >"${place}/profile"`);
   const dns = (...hubs) => writeFileSync(join(place, "dns"), hubs.map((hub) => `${hub} STREAM etude-hubs\n${hub} DGRAM\n`).join(""));
-  const run = (...words) =>
+  const runAs = (hub, ...words) =>
     spawnSync("/bin/sh", words.map((word, i) => (i ? word : join(place, word))),
-              {env: {...process.env, PATH: `${place}:${process.env.PATH}`, CYCLONEDDS_URI: "file:///no"}, encoding: "utf8"});
+              {env: {...process.env, PATH: `${place}:${process.env.PATH}`, CYCLONEDDS_URI: "file:///no", ETUDE_HUB: hub},
+               encoding: "utf8"});
+  const run = (...words) => runAs("", ...words);
   const profile = () => readFileSync(join(place, "profile"), "utf8").trim().replace(place, "");
   try {
     dns("10.0.0.2", "10.0.0.1");
@@ -121,6 +125,11 @@ function scriptsFollowHubs() {
     assert.equal(run("start", "true").status, 0);
     assert.equal(profile(), "none doctor net --write-profile /dds.xml --hub 10.0.0.1 --hub 10.0.0.3");
     assert.equal(run("same-hubs").status, 0);
+    // the second answer has it, and another one that came meanwhile
+    dns("10.0.0.1");
+    program("sleep", `printf '10.0.0.3 STREAM x\\n10.0.0.2 STREAM x\\n' >>"${place}/dns"`);
+    assert.equal(runAs("10.0.0.2", "start", "true").stdout, "waiting for a hub\n");
+    assert.equal(profile(), "none doctor net --write-profile /dds.xml --hub 10.0.0.1 --hub 10.0.0.2 --hub 10.0.0.3");
   } finally {
     rmSync(place, {recursive: true});
   }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <sstream>
 
 #include "services/core/file.h"
@@ -98,6 +99,28 @@ TEST_F(UnitsTest, SettingsFit) {
   // a folder that is not there yet would be a wrong argument, with which nothing is tried again
   EXPECT_THAT(settings, HasSubstr("--name quickstart"));
   EXPECT_THAT(settings, HasSubstr("\nETUDE_POLICY=--subscribe quickstart "));
+}
+
+// `cmake --install` of a checkout in such a folder found nothing
+TEST_F(UnitsTest, AreInstalledFromAFolderWithASpaceInItsName) {
+  const std::string script = ReadTextFile(ProgramsFolder().parent_path() / "cmake_install.cmake").value_or("");
+  const auto begin = script.find("set(source "), end = script.find("endif()", begin);
+  ASSERT_NE(begin, std::string::npos);
+  const std::string tree = std::filesystem::current_path().string(), other = (folder_ / "a tree").string();
+  std::filesystem::create_directory_symlink(tree, other);
+  const std::string block = With(script.substr(begin, end - begin), tree, other);
+  ASSERT_THAT(block, HasSubstr("a tree"));
+  ASSERT_THAT(
+      WriteFileAtomically(folder_ / "install.cmake", With(block, other + "/build", (folder_ / "made").string())),
+      IsOk());
+  const std::string prefix = (folder_ / "a prefix").string();
+  const auto output = RunInShell("env -u DESTDIR cmake '-DCMAKE_INSTALL_PREFIX=" + prefix + "' -P '" +
+                                 (folder_ / "install.cmake").string() + "' 2>&1");
+  ASSERT_EQ(output.code, 0) << output.text;
+  for (const auto& [name, text] : units_) {
+    const std::string place = name.ends_with(".env") ? "/etc/etude/" : "/lib/systemd/system/";
+    EXPECT_TRUE(std::filesystem::exists(prefix + place + name)) << name << "\n" << output.text;
+  }
 }
 
 }  // namespace units_test

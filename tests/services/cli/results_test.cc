@@ -99,8 +99,9 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   // its seed is one of row a's, not of b's
   Write("out/runs/a-7/whole", "\n");
   const CommandOutcome whole = Make("10", {"--row", "b"});
-  EXPECT_THAT(whole.text, HasSubstr("data-b: etude collect none.yaml"));
-  EXPECT_THAT(whole.text, HasSubstr("data-b ended with"));
+  EXPECT_THAT(whole.text, HasSubstr("b, seed 1: train: etude-trainer: read '"));
+  EXPECT_THAT(whole.text, HasSubstr("latest.safetensors"));
+  EXPECT_THAT(whole.text, Not(HasSubstr("data-b"))) << "the trainer was asked before anything is collected";
 
   Write("out/rows/a.json", "{}");
   const CommandOutcome other = Make("10", {"--row", "b"});
@@ -185,6 +186,7 @@ class ResultsOfStandIns : public Results {
     ASSERT_TRUE(MakeFolders(folder_ / "bin"));
     ASSERT_TRUE(std::filesystem::copy_file(ProgramsFolder() / "etude", folder_ / "bin/results"));
     WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 0\n");
+    WriteProgram(folder_ / "bin/etude-trainer", "#!/bin/sh\nexit 0\n");
   }
   // @param episodes  that the row asks for
   CommandOutcome MakeTwoSeeds(int episodes) {
@@ -225,6 +227,17 @@ TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsR
   for (const char* words : {"a, seed 7: data-a ended with 3", "a, seed 8: data-a ended with 3"})
     EXPECT_THAT(made.text, HasSubstr(words));
   EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
+}
+
+TEST_F(ResultsOfStandIns, NothingIsCollectedForATrainingThatCannotBegin) {
+  WriteProgram(folder_ / "bin/etude-trainer",
+               "#!/bin/sh\nfor last; do :; done\n[ $last = --check ] && echo no such experiment && exit 2\n");
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(2);
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  for (const char* words : {"a, seed 7: train: no such experiment", "a, seed 8: train: no such experiment"})
+    EXPECT_THAT(made.text, HasSubstr(words));
+  EXPECT_THAT(made.text, Not(HasSubstr("etude collect")));
 }
 
 // a collection that was stopped ends well

@@ -4,12 +4,16 @@
 
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <thread>
 #include <vector>
 
 #include "services/core/clock.h"
+#include "services/core/descriptor.h"
 #include "services/core/stop_reason.h"
 
 namespace etude {
@@ -38,6 +42,21 @@ TEST(StopDeathTest, ASecondSignalKills) {
         ::_exit(0);
       },
       ::testing::KilledBySignal(SIGINT), "");
+}
+
+// a limit on files, as batch systems set one, ended the process without words
+TEST(StopDeathTest, AFileBeyondTheLimitIsAnErrorOfTheWrite) {
+  EXPECT_EXIT(
+      {
+        InstallStopSignals();
+        rlimit limit;
+        limit.rlim_cur = limit.rlim_max = 1;
+        const bool set = ::setrlimit(RLIMIT_FSIZE, &limit) == 0;
+        const Descriptor file(::memfd_create("stop_test", MFD_CLOEXEC));
+        const bool first = ::write(file.get(), "ab", 2) == 1;
+        ::_exit(set && first && ::write(file.get(), "b", 1) == -1 && errno == EFBIG ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
 }
 
 TEST(StopReasonDeathTest, TheFirstReasonCountsAndEndsEveryWait) {

@@ -137,6 +137,15 @@ TEST_F(Modattn, LeavesOutWhatIsBadWhenAskedTo) {
   EXPECT_THAT(report->skipped[1], testing::HasSubstr("3.png"));
 }
 
+// one of few bytes may say that it needs gigabytes
+TEST_F(Modattn, LooksAtAPicturesSizeBeforeItIsDecoded) {
+  WriteRecording("0");
+  auto png = ReadBinaryFile(in_ / "0/3.png").value();
+  for (const std::size_t side : {16, 20}) png[side + 2] = 0x75;  // 30,000 px
+  ASSERT_TRUE(WriteFileAtomically(in_ / "0/3.png", png));
+  EXPECT_THAT(ImportModattn(in_, out_, {}), MessageHas("3.png is no PNG of at most 4096 px a side"));
+}
+
 TEST_F(Modattn, ABadFirstEpisodeDoesNotSettleTheSizeOfAll) {
   WriteRecording("0", 48);
   for (const char* name : {"1", "2"}) WriteRecording(name);

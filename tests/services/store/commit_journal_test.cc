@@ -190,6 +190,14 @@ TEST(CommitTable, FollowsAJournalThatGrows) {
   EXPECT_THAT(table.index(), testing::ElementsAre(7));
   EXPECT_GT(table.generation(), generation);
 
+  // made anew in the same place, and longer already
+  CommitRow other;
+  std::string lines;
+  for (other.index = 20; other.index < 23; ++other.index) lines += LineOf(other) + "\n";
+  std::ofstream(folder / "commits.jsonl", std::ios::trunc) << lines << std::flush;
+  EXPECT_TRUE(*table.Refresh());
+  EXPECT_THAT(table.index(), testing::ElementsAre(20, 21, 22));
+
   std::filesystem::remove(folder / "commits.jsonl");
   EXPECT_TRUE(*table.Refresh());
   EXPECT_EQ(table.size(), 0u);

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -130,6 +132,33 @@ TEST(Mp4Writer, AMovingPictureForPagesHasItsFramesAndRepeats) {
   const auto header = bytes.find("ANIM");
   ASSERT_NE(header, std::string::npos);
   EXPECT_EQ(bytes.substr(header + 12, 2), std::string("\0\0", 2)) << "how often it is shown: 0, for ever";
+}
+
+// libav took what stands before the colon for a protocol, and an evaluation in a folder of that name had no videos
+TEST(Mp4Writer, APathMayHaveAColon) {
+  const TemporaryFolder folder;
+  const Path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  WriteSteps("eval-12:30.mp4");
+  std::filesystem::current_path(before);
+  EXPECT_EQ(ReadVideo(folder / "eval-12:30.mp4").times.size(), static_cast<std::size_t>(kPictures));
+}
+
+// a file of this name was gone with the first picture of a new one, whether that came to its end or not
+TEST(Mp4Writer, WhatWasThereStaysUntilTheNewOneIsWhole) {
+  const TemporaryFolder folder;
+  const Path file = folder / "a.mp4";
+  WriteSteps(file);
+  const auto whole = *ReadBinaryFile(file);
+  {
+    auto writer = Mp4Writer::Open(file, {.width = kSide, .height = kSide});
+    ASSERT_THAT(writer, IsOk());
+    ASSERT_THAT(writer->Write(Grey(50)), IsOk());
+    EXPECT_EQ(*ReadBinaryFile(file), whole);
+  }
+  EXPECT_EQ(*ReadBinaryFile(file), whole);
+  const auto entries = std::filesystem::directory_iterator(folder.path());
+  EXPECT_EQ(std::distance(begin(entries), end(entries)), 1) << "nothing is left beside it";
 }
 
 TEST(Mp4Writer, RefusesWhatNoEncoderTakes) {

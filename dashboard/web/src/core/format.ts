@@ -12,7 +12,8 @@ export function finite(value: unknown): value is number {
 export function number(value: Maybe<number>, digits = 3): string {
   if (!finite(value)) return none;
   const size = Math.abs(value);
-  if (size >= 10 ** digits || Number.isInteger(value)) return Math.round(value).toLocaleString('en-US');
+  // also what rounding brings there: 999.7 has three digits as it is, and four when it is written
+  if (size >= 10 ** digits || Number.isInteger(value) || Number(size.toPrecision(digits)) >= 10 ** digits) return Math.round(value).toLocaleString('en-US');
   if (size !== 0 && size < 0.001) return value.toExponential(Math.max(0, digits - 2)).replace('e-0', 'e-');
   return value.toPrecision(digits).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '');
 }

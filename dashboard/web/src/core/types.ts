@@ -398,6 +398,8 @@ export type Dataset = {
   statistics: Record<string, unknown>;
   /** files there now */
   episodes: number;
+  /** of these, those whose length and place are known: by the journal, or from files that were read so far */
+  known: number;
   /** that the spec asks for; of one that was made of others (filter, split, merge, import) those that are there */
   total: number;
   failed_attempts: Record<string, number>;

@@ -32,7 +32,7 @@ function Content(props: { of: Dataset; reload: () => void }) {
   const { of } = props;
   const filter = useFilter();
   const text = query(filter);
-  const summary = useResource<Summary>(`/datasets/${of.id}/summary${text}`, { round: of.episodes });
+  const summary = useResource<Summary>(`/datasets/${of.id}/summary${text}`, { round: `${of.episodes} ${of.known}` });
   const stats = of.statistics as { steps?: number; seconds?: number; frames?: number };
   return (
     <>
@@ -138,7 +138,8 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   const [held, setHeld] = useState(props.of.episodes);
   const listing = `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=${mostRows}`;
   const page = useCursors(listing);
-  const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: held });
+  // again also when files were read that had not been, and not for each new episode
+  const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: `${held} ${props.of.episodes - props.of.known}` });
   const fresh = props.of.episodes - held;
   const data = first.data;
   const rows = data ? toRows(data) : [];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What fails, where and why, and what the time goes into.
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { getBytes, query, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, duration, none, number, percent } from '../core/format';
@@ -148,6 +148,9 @@ function Time(props: { of: Timing | null }) {
 const cellNames = ['open', 'committed', 'committed after failures', 'given up', 'failed so far'];
 const cellTokens = ['line', 'good', 'warn', 'bad', 'hand'];
 
+// px of the device: browsers draw nothing on a taller one
+const tallestCanvas = 32000;
+
 /** One square an index; where one points, or the arrow keys have gone, is said in words. */
 function Cells(props: { id: string; round: number }) {
   const answer = useResource<ArrayBuffer>(`/campaigns/${props.id}/cells`, { load: getBytes, every: 10000 });
@@ -156,8 +159,13 @@ function Cells(props: { id: string; round: number }) {
   const [cursor, setCursor] = useState<number | null>(null);
   const [width, setWidth] = useState(0);
   const paint = paints.value;
-  const content = answer.data ? readSafetensors(answer.data) : undefined;
+  const content = useMemo(() => (answer.data ? readSafetensors(answer.data) : undefined), [answer.data]);
   const cells = content?.tensors.get('cells')?.values;
+  const tally = useMemo(() => {
+    const sums = cellNames.map(() => 0);
+    cells?.forEach((value) => { if (sums[value] !== undefined) sums[value]! += 1; });
+    return sums;
+  }, [cells]);
   // of a shard its own episodes alone, every so many
   const indexOf = (at: number) => Number(content?.metadata.first ?? 0) + at * Number(content?.metadata.step ?? 1);
   const size = (cells?.length ?? 0) > 4000 ? 5 : 10;
@@ -174,11 +182,12 @@ function Cells(props: { id: string; round: number }) {
     const element = canvas.current;
     const context = element?.getContext('2d');
     if (!element || !context || !cells || !width) return;
-    const scale = devicePixelRatio;
+    const height = Math.ceil(cells.length / across) * size;
+    const scale = Math.min(devicePixelRatio, tallestCanvas / height);
     element.width = across * size * scale;
-    element.height = Math.ceil(cells.length / across) * size * scale;
+    element.height = height * scale;
     element.style.width = `${across * size}px`;
-    element.style.height = `${Math.ceil(cells.length / across) * size}px`;
+    element.style.height = `${height}px`;
     context.scale(scale, scale);
     cells.forEach((value, i) => {
       context.fillStyle = color(cellTokens[value] ?? 'line');
@@ -206,7 +215,6 @@ function Cells(props: { id: string; round: number }) {
     event.preventDefault();
   };
   const told = over ?? cursor;
-  const tally = cellNames.map((_name, value) => [...cells].filter((one) => one === value).length);
   return (
     <Panel title="Seeds" aside={<span class="small secondary" role="status" data-seed-at>{told === null ? `${count(cells.length)} indices, one square each` : `#${indexOf(told)}: ${cellNames[cells[told] ?? 0]}`}</span>}>
       <div class="seed-map" role="group" tabIndex={0} data-arrows data-seed-map aria-label="Seeds: arrow keys go from one to the next, Enter opens it" onKeyDown={press} onFocus={(event) => { if (event.currentTarget.matches(':focus-visible')) setCursor(cursor ?? 0); }} onBlur={() => setCursor(null)}>

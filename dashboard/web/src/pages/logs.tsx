@@ -16,12 +16,18 @@ export function LogsPage() {
   const [level, setLevel] = parameter('level');
   const [q, setQ] = parameter('q');
   const [follow, setFollow] = useState(true);
+  // what was shown when it was held, of these filters
+  const [held, hold] = useState<{ of: string; data: Logs } | null>(null);
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
   const page = useCursors(text);
   const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
   const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
-  const newest = (follow && !page.depth && live) || first.data;
+  const newest = (!page.depth && (follow ? live : held?.of === text ? held.data : undefined)) || first.data;
+  const setFollowing = (on: boolean) => {
+    hold(on || !newest ? null : { of: text, data: newest });
+    setFollow(on);
+  };
   const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
@@ -43,7 +49,7 @@ export function LogsPage() {
           <Search label="Text in the line" value={q} change={(value) => setQ(value, true)} width={28} />
           <span class="fill" />
           {page.depth > 0 && first.error && <button type="button" class="button" data-newest onClick={page.first}>Newest lines</button>}
-          <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
+          <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollowing(event.currentTarget.checked)} /> follow</label>
         </div>)}
       <Loaded of={{ ...first, data: newest }}>
         {(data) => {

@@ -35,16 +35,25 @@ export function useRemake(of: { dataset: string; index: number; attempt: number 
   useEffect(() => {
     if (!id) return;
     let timer = 0;
+    let gone = false;
+    const askIn = (milliseconds: number) => { if (!gone) timer = window.setTimeout(ask, milliseconds); };
     const ask = () => {
       getJob(id).then((next) => {
         setJob(next);
-        if (!next) setProblem(jobGone);
-        if (next?.state === 'running') timer = window.setTimeout(ask, 500);
+        setProblem(next ? null : jobGone);
+        if (next?.state === 'running') askIn(500);
         else replay.reload();
-      }).catch(fail);
+      }).catch((error: unknown) => {
+        // a gateway that is busy, or a connection that was lost, is no end of the job
+        fail(error);
+        askIn(2000);
+      });
     };
     ask();
-    return () => window.clearTimeout(timer);
+    return () => {
+      gone = true;
+      window.clearTimeout(timer);
+    };
   }, [id]);
   const start = async (token?: string) => {
     if (!of) return;

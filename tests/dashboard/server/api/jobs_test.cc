@@ -101,5 +101,20 @@ TEST(Jobs, ALogGoesWithItsJob) {
   EXPECT_TRUE(std::filesystem::exists(logs.back()));
 }
 
+// a policy server that was started first kept all that came behind it, and their logs, for weeks
+TEST(Jobs, OneThatLastsKeepsNoneOfThoseThatEnded) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs", "/bin/sh");
+  const auto server = jobs.Add({"serve", {"-c", "exec sleep 1000"}, Weight::kLasting});
+  ASSERT_THAT(server, IsOk());
+  for (int i = 0; i < 60; ++i) {
+    ASSERT_THAT(jobs.Add({"verify", {"-c", "exit 0"}, Weight::kLight, "verify"}), IsOk());
+    while (jobs.Running("verify")) jobs.Pump();
+  }
+  EXPECT_EQ(jobs.All().size(), 50u);
+  EXPECT_EQ(jobs.Json(*server).value()["state"], "running");
+  jobs.StopAll();
+}
+
 }  // namespace jobs_test
 }  // namespace etude::api

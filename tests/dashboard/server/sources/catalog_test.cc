@@ -38,6 +38,14 @@ TEST(Catalog, LogsAreThoseOfLogFoldersAndOfWhatWasFound) {
   EXPECT_THAT(ids, testing::ElementsAre("lab.logs.trainer.log", "lab.run.rank-0.log"));
 }
 
+// a home folder with a package tree in it said "Nothing found"
+TEST(Catalog, AFolderWithMoreInItThanIsLookedAtIsNamed) {
+  ExampleFolders lab;
+  EXPECT_TRUE(Catalog({lab.root()}).NotSearched().empty());
+  Catalog few({lab.root()}, {}, 3);
+  EXPECT_THAT(few.NotSearched(), testing::ElementsAre(std::filesystem::canonical(lab.root())));
+}
+
 // --dir exp1/lab --dir exp2/lab
 TEST(Catalog, FoldersOfOneNameAreToldApartByTheirOrder) {
   ExampleFolders one, two;

@@ -4,9 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include "services/core/clock.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/filter_keys.h"
+#include "services/store/sampling_journal.h"
 #include "tests/dashboard/server/example_folders.h"
 #include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::sources {
 namespace dataset_source_test {
@@ -87,6 +92,42 @@ TEST(DatasetSource, FailedAttemptsSayWhatTheyWereAbout) {
   EXPECT_EQ(view->failures[0].plan_s, 0.25);
   EXPECT_EQ(view->failures[0].task, PlanEpisode(view->info.spec, 2, 0).task.text());
   EXPECT_EQ(view->GivenUp(), 0u);
+}
+
+// what came before the journal's new line was read kept the task that the weights before it would have drawn
+TEST(DatasetSource, AFailuresTaskIsThatOfTheWeightsThatHeld) {
+  TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec(24, 24);
+  spec.adaptive_sampling = {.share = 0.5, .largest_ratio = 3, .every = 10};
+  auto writer = store::DatasetWriter::Open(folder / "data", spec);
+  ASSERT_THAT(writer, IsOk());
+  for (std::uint64_t index = 10; index < 24; ++index)
+    ASSERT_THAT(writer->RecordFailure(index, 0, "plan_failed", "{}"), IsOk());
+  DatasetSource source({Kind::kDataset, "data", "data", folder / "data", "data", ""});
+  const auto before = source.View().value();
+  ASSERT_EQ(before->failures.size(), 14u);
+
+  auto journal = store::SamplingJournal::Open(folder / "data", spec);
+  ASSERT_THAT(journal, IsOk());
+  ASSERT_THAT(journal->Append({.from_index = 10,
+                               .run = "0123456789abcdef",
+                               .step = 5,
+                               .weights = WeightsFor({{"pick", "cube", 3, 9, 2}, {"push", "milk", 4, 9, 1}}, spec)}),
+              IsOk());
+  const auto about = [](const DatasetView& view) {
+    std::vector<std::string> words;
+    for (const auto& row : view.failures) words.push_back(row.task + " " + row.target);
+    return words;
+  };
+  std::vector<std::string> drawn;
+  for (std::uint64_t index = 10; index < 24; ++index) {
+    const EpisodePlan plan = PlanEpisode(spec, index, 0, journal->At(index));
+    drawn.push_back(plan.task.text() + " " + plan.target);
+  }
+  ASSERT_NE(about(*before), drawn);
+  auto after = before;
+  for (const Stopwatch watch; about(*after) != drawn && watch.Seconds() < 10;) after = source.View().value();
+  EXPECT_EQ(about(*after), drawn);
 }
 
 DatasetView FailedView(const std::string& mode, const std::vector<AttemptRow>& failures) {

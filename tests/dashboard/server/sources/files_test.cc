@@ -68,6 +68,22 @@ TEST_F(JsonLinesTest, AReplacedFileIsReadFromItsBegin) {
   EXPECT_EQ(steps_, (std::vector<std::uint64_t>{9}));
 }
 
+// a folder that is deleted and made anew: the inode is given out again, and nobody looked until the file was longer
+TEST_F(JsonLinesTest, AFileThatWasMadeAnewAndHasOutgrownTheOldOneIsReadFromItsBegin) {
+  Append("{\"step\":1}\n{\"step\":2}\n");
+  Refresh();
+  const auto inode = lines_.stamp().inode;
+  std::ofstream(file_, std::ios::trunc) << "{\"step\":7}\n{\"step\":8}\n{\"step\":9}\n";
+  Refresh();
+  EXPECT_EQ(lines_.stamp().inode, inode);
+  EXPECT_EQ(steps_, (std::vector<std::uint64_t>{7, 8, 9}));
+  const int resets = resets_;
+  Append("{\"step\":10}\n");
+  Refresh();
+  EXPECT_EQ(steps_.size(), 4u);
+  EXPECT_EQ(resets_, resets) << "one that grows is read on";
+}
+
 TEST(Time, GoesThereAndBack) {
   EXPECT_EQ(Rfc3339(1795368176.25), "2026-11-22T17:22:56.250Z");
   EXPECT_DOUBLE_EQ(ParseTime("2026-11-22T17:22:56.250Z").value(), 1795368176.25);

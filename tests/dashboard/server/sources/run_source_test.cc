@@ -2,10 +2,13 @@
 // Tests dashboard/server/sources/run_source.cc
 #include "dashboard/server/sources/run_source.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 
 #include "services/core/hash.h"
@@ -141,6 +144,24 @@ TEST(RunSource, ReadsHeadersChannelsAndHashes) {
   view = source.View().value();
   const auto bytes = ReadBinaryFile(checkpoints / "00000100.safetensors").value();
   EXPECT_EQ(view->checkpoints[1].sha256, Sha256Hex(bytes));
+}
+
+// in the order of the folder, 500 of them were shown, whether the newest was among them or not
+TEST(RunSource, OfManyCheckpointsTheNewestAreShownAndThoseThatAChannelNames) {
+  TemporaryFolder folder;
+  const Path checkpoints = folder / "run" / "checkpoints";
+  ASSERT_THAT(WriteFileAtomically(folder / "run" / "config.yaml", "steps: 100\n"), IsOk());
+  ASSERT_THAT(MakeFolders(checkpoints), IsOk());
+  for (int step = 1; step <= 520; ++step)
+    std::ofstream(checkpoints / fmt::format("{:08}.safetensors", step)) << "short";
+  std::filesystem::create_symlink("00000003.safetensors", checkpoints / "best.safetensors");
+  RunSource source({Kind::kRun, "run", "run", folder / "run", "run", ""});
+  const auto view = source.View().value();
+  ASSERT_EQ(view->checkpoints.size(), 501u);
+  EXPECT_EQ(view->checkpoints.front().file, "00000520.safetensors");
+  EXPECT_EQ(view->checkpoints[499].file, "00000021.safetensors");
+  EXPECT_EQ(view->checkpoints.back().file, "00000003.safetensors");
+  EXPECT_EQ(view->checkpoints.back().channels, (std::vector<std::string>{"best"}));
 }
 
 }  // namespace run_source_test

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// deploy/install, deploy/quickstart and deploy/slurm/etude.sbatch as they are, with stand-ins for the programs that
+// they call.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "services/core/clock.h"
+#include "services/core/file.h"
+#include "tests/support/matchers.h"
+#include "tests/support/run_command.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/write_program.h"
+
+namespace etude {
+namespace scripts_test {
+
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Scripts : public ::testing::Test {
+ protected:
+  void StandIn(const std::string& program, const std::string& script) {
+    WriteProgram(folder_ / program, "#!/bin/bash\n" + script + "\n");
+  }
+  // `words` in a shell that finds the stand-ins of `bin` first
+  auto Run(const std::string& words) { return RunInShell("export PATH=" + In("bin") + ":$PATH; " + words + " 2>&1"); }
+  std::string In(const std::string& name) const { return (folder_ / name).string(); }
+
+  const TemporaryFolder folder_;
+};
+
+class InstallScript : public Scripts {
+ protected:
+  // all packages are there, but for `but`, which has `state`
+  void Packages(const std::string& but, const std::string& state) {
+    StandIn("bin/dpkg-query", "for package; do :; done\nif [[ $package == " + but + " ]]; then echo -n '" + state +
+                                  "'; else echo -n 'ii '; fi");
+  }
+};
+
+TEST_F(InstallScript, SaysWhatIsMissing) {
+  Packages("cmake", "un ");
+  const auto asked = Run("deploy/install --check");
+  EXPECT_EQ(asked.code, 3);
+  EXPECT_THAT(asked.text, HasSubstr("missing: cmake"));
+  Packages("cmake", "hi ");
+  EXPECT_EQ(Run("deploy/install --check").code, 0) << "held, and there";
+}
+
+// it took the first argument alone, and said that all was there
+TEST_F(InstallScript, TakesItsArgumentsInAnyOrder) {
+  Packages("chromium", "un ");
+  for (const char* words : {"--check --browser", "--browser --check", "--browser --dev --check"}) {
+    const auto asked = Run(std::string("deploy/install ") + words);
+    EXPECT_EQ(asked.code, 3) << words;
+    EXPECT_THAT(asked.text, HasSubstr("missing: chromium")) << words;
+  }
+  EXPECT_EQ(Run("deploy/install --check").code, 0);
+  EXPECT_EQ(Run("deploy/install --check --nonsense").code, 2);
+  EXPECT_THAT(Run("deploy/install --help").text, HasSubstr("--check"));
+}
+
+// A tree whose programs are stand-ins: `etude` says how it is called.
+class QuickstartScript : public Scripts {
+ protected:
+  void SetUp() override {
+    ASSERT_THAT(MakeFolders(folder_ / "a tree/deploy"), IsOk());
+    std::filesystem::copy_file("deploy/quickstart", folder_ / "a tree/deploy/quickstart");
+    StandIn("a tree/deploy/install", "");
+    StandIn("bin/cmake", "");
+    StandIn("a tree/build/bin/etude", "printf '<%s>' \"$@\"");
+    ASSERT_THAT(MakeFolders(folder_ / "lab"), IsOk());
+  }
+  std::string Say(const std::string& words) {
+    const auto said = Run("cd '" + In("lab") + "' && '" + In("a tree/deploy/quickstart") + "' " + words);
+    EXPECT_EQ(said.code, 0) << said.text;
+    return said.text;
+  }
+};
+
+TEST_F(QuickstartScript, PathsAreThoseOfWhoCallsIt) {
+  EXPECT_THAT(Say("--minutes 3"), HasSubstr("<--out><" + In("a tree/out/quickstart") + "><--minutes><3>"));
+  EXPECT_THAT(Say("--out out/quickstart"), HasSubstr("<--out><" + In("lab/out/quickstart") + ">"));
+  EXPECT_THAT(
+      Say("--out=/data/x --security keys/me --profile=star.xml --no-dashboard"),
+      EndsWith("<--security><" + In("lab/keys/me") + "><--profile><" + In("lab/star.xml") + "><--no-dashboard>"));
+}
+
+// the minutes are what the build leaves, and a second build takes none: a training that was finished went on
+TEST_F(QuickstartScript, ATrainingThatHasBegunKeepsItsMinutes) {
+  ASSERT_THAT(WriteFileAtomically(folder_ / "lab/mine/up.yaml",
+                                  std::string_view("campaign: x\ntrain:\n  config: compact\n  minutes: 7.5\n")),
+              IsOk());
+  EXPECT_THAT(Say("--out mine"), Not(HasSubstr("<7.5>"))) << "nothing was trained yet";
+  ASSERT_THAT(WriteFileAtomically(folder_ / "lab/mine/run/first/training_state.safetensors", std::string_view("x")),
+              IsOk());
+  EXPECT_THAT(Say("--out mine"), HasSubstr("<--minutes><7.5>"));
+  EXPECT_THAT(Say("--out mine --minutes 9"), HasSubstr("<--minutes><9>"));
+}
+
+// A job of one node whose programs are stand-ins.
+class SlurmScript : public Scripts {
+ protected:
+  void SetUp() override {
+    StandIn("bin/scontrol", "echo node1");
+    StandIn("bin/etude", "");
+    StandIn("bin/etude-collector", "echo collector \"$@\"; trap 'exit 0' TERM; while :; do sleep 0.05; done");
+    StandIn("bin/srun", "echo workers \"$@\"; exit 2");
+    ASSERT_THAT(WriteFileAtomically(folder_ / "spec.yaml", std::string_view("name: \"mine\"  # ours\nepisodes: 3\n")),
+                IsOk());
+  }
+  auto Submit(const std::string& more) {
+    return Run("cd '" + folder_.path().string() +
+               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=1 bash " +
+               std::filesystem::absolute("deploy/slurm/etude.sbatch").string() + " " + more);
+  }
+};
+
+// nodes without the program, or without GL, were kept until the end of their time
+TEST_F(SlurmScript, WithoutWorkersTheNodesAreGivenBack) {
+  const auto job = Submit("spec.yaml data");
+  EXPECT_EQ(job.code, 1) << job.text;
+  EXPECT_THAT(job.text, HasSubstr("all workers have ended"));
+}
+
+TEST_F(SlurmScript, ACompleteCampaignEndsWell) {
+  StandIn("bin/etude-collector", "sleep 0.2");
+  StandIn("bin/srun", "exit 0");
+  const auto job = Submit("spec.yaml data");
+  EXPECT_EQ(job.code, 0) << job.text;
+  EXPECT_THAT(job.text, Not(HasSubstr("all workers have ended")));
+}
+
+TEST_F(SlurmScript, TheCollectorsErrorIsTheJobs) {
+  StandIn("bin/etude-collector", "exit 3");
+  StandIn("bin/srun", "trap 'exit 0' TERM; while :; do sleep 0.05; done");
+  EXPECT_EQ(Submit("spec.yaml data").code, 3);
+}
+
+// workers waited for a campaign that nobody has
+TEST_F(SlurmScript, WorkersJoinTheCampaignAsItIsCalled) {
+  EXPECT_THAT(Submit("spec.yaml data").text, HasSubstr("--campaign mine --domain 7"));
+  EXPECT_THAT(Submit("spec.yaml data --set name=other").text, HasSubstr("--campaign other --domain 7"));
+}
+
+TEST_F(SlurmScript, SaysHowItIsCalled) {
+  EXPECT_EQ(Submit("--help").code, 0);
+  const auto half = Submit("spec.yaml");
+  EXPECT_EQ(half.code, 2);
+  EXPECT_THAT(half.text, HasSubstr("sbatch --nodes 8"));
+}
+
+}  // namespace scripts_test
+}  // namespace etude
