@@ -225,7 +225,7 @@ std::vector<std::string> SpecDifferences(const OpenedEval& a, const OpenedEval& 
 
 OrderedJson PairRowsJson(std::vector<PairRow> rows) {
   constexpr std::size_t kMost = 1000;
-  std::ranges::stable_partition(rows, [](const PairRow& row) { return row.a != row.b; });
+  std::stable_partition(rows.begin(), rows.end(), [](const PairRow& row) { return row.a != row.b; });
   OrderedJson json = OrderedJson::array();
   for (const auto& row : rows)
     if (json.size() < kMost)

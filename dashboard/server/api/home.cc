@@ -57,8 +57,8 @@ OrderedJson SourcesJson(const Overview& all) {
   std::ranges::stable_sort(rows, std::less<>(), [](const auto& row) { return row.first; });
   if (rows.size() > kMostSources) rows.resize(kMostSources);
   // a run whose files are elsewhere has no checkpoints and no series here: pages begin with one that has
-  std::ranges::stable_partition(
-      rows, [](const auto& row) { return row.second["kind"] != "run" || !row.second["folder"].is_null(); });
+  std::stable_partition(rows.begin(), rows.end(),
+                        [](const auto& row) { return row.second["kind"] != "run" || !row.second["folder"].is_null(); });
   OrderedJson json = OrderedJson::array();
   for (auto& [standing, row] : rows) json.push_back(std::move(row));
   return json;

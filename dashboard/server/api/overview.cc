@@ -83,15 +83,15 @@ Overview LookOver(Context& context) {
   GatherFiles(context, all);
   for (const auto& [id, campaign] : all.live->campaigns) {
     const bool known = std::ranges::any_of(
-        all.datasets, [&](const auto& item) { return item.view && item.view->info.identity == id; });
+        all.datasets, [&, &id = id](const auto& item) { return item.view && item.view->info.identity == id; });
     if (known || !campaign.present) continue;
     Found found;
     found.id = BusId(campaign.presence);
     all.datasets.push_back({found, nullptr, StateOf(nullptr, &campaign), campaign.presence.name});
   }
   for (const auto& [id, run] : all.live->runs) {
-    const bool known =
-        std::ranges::any_of(all.runs, [&](const auto& item) { return item.view && item.view->identity == id; });
+    const bool known = std::ranges::any_of(
+        all.runs, [&, &id = id](const auto& item) { return item.view && item.view->identity == id; });
     if (known || !run.present) continue;
     Found found;
     found.kind = Kind::kRun;
