@@ -523,3 +523,22 @@ test('Logs: older lines that do not come leave the filters, and a way to the new
     assert.equal(await page.locator('.problem, [data-newest]').count(), 0);
   }, { allow: /500 \(Internal/ });
 });
+
+test('a replay is followed to its end, also where one question of it fails', async () => {
+  const row = { index: 3, attempt: 0, seed: '7', t: '2026-01-01T10:00:00Z', worker: 'w', outcome: 'plan_failed', reason: 'reach: no path', task: 'pick', target: 'cube', robot: 'ur5', stage: 'reach', pair: null,
+    plan_s: 1, step_s: 1, render_s: 1, deflate_s: 0, has_pictures: false, replay: null };
+  const job = (state, log) => ({ id: 'j', action: 'replay', command: 'etude attempt replay', state, started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: [log] });
+  const said = [job('running', 'step 10'), { status: 504, json: { title: 'The gateway is busy', status: 504 } }, job('running', 'step 20'), job('done', 'step 30')];
+  let asked = 0;
+  const answers = {
+    '/home': await homeOf([source('dataset', 'data')]), '/campaigns/data/attempts': { campaign: 'data', total: 1, next: null, rows: [row] },
+    '/datasets/data/episodes/3/replay': () => (asked < said.length ? { id: 'replay.x', state: 'running', why_not: null, job: 'j', has_episode: false } : { id: null, state: 'impossible', why_not: 'it was followed', job: null, has_episode: false }),
+    '/jobs/j': () => said[Math.min(asked++, said.length - 1)],
+  };
+  await open('/episode/data/3?attempt=0', answers, async (page) => {
+    await page.waitForSelector('[data-replay=running]:has-text("step 10")');
+    await page.waitForSelector('[data-replay=running]:has-text("step 20")');
+    await page.waitForSelector('text=it was followed');
+    assert.equal(asked, said.length);
+  }, { allow: /504 \(Gateway|404 \(Not Found/ });
+});
