@@ -62,6 +62,7 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
   const FileStamp now = StampOf(path_);
   if (now == stamp_) return;
   const Descriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC)};
+  if (now.exists() && !file) return;  // no descriptor is left, say: what was read stays, and it is asked for again
   if (now.inode != stamp_.inode || now.device != stamp_.device || BytesBefore(file.get(), offset_) != before_) {
     reset();
     offset_ = 0;

@@ -37,7 +37,7 @@ export type Source = {
 };
 
 export type Warning = {
-  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget" | "checkpoint_unserved" | "same_name";
+  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "not_searched" | "unreadable" | "run_failed" | "stage_budget" | "checkpoint_unserved" | "same_name";
   text: string;
   /** RFC 3339, UTC */
   since: string | null;
