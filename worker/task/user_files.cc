@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "services/core/file.h"
 #include "services/core/hash.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
@@ -46,7 +45,6 @@ Result<std::vector<Path>> FilesOf(const CampaignSpec& spec) {
       files.push_back(it->path());
     if (error) return Fail(ErrnoError("read", ObjectFolder(object), error.value()));
   }
-  std::ranges::sort(files);
   return files;
 }
 
@@ -89,12 +87,13 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
 
 Result<std::string> UserFiles::Sha256(const CampaignSpec& spec) {
   const MutexLock lock(mutex_);
-  ETUDE_ASSIGN_OR_RETURN(const auto files, FilesOf(spec));
+  std::string spec_sha256 = SpecHash(spec);
+  if (spec_sha256 == spec_sha256_ && StampOf(files_) == stamp_) return sha256_;
+  ETUDE_ASSIGN_OR_RETURN(auto files, FilesOf(spec));
   std::string stamp = StampOf(files);  // before they are read: what is written meanwhile is seen the next time
-  const std::string spec_sha256 = SpecHash(spec);
-  if (spec_sha256 == spec_sha256_ && stamp == stamp_) return sha256_;
   ETUDE_ASSIGN_OR_RETURN(sha256_, UserFilesSha256(spec));
-  spec_sha256_ = spec_sha256;
+  spec_sha256_ = std::move(spec_sha256);
+  files_ = std::move(files);
   stamp_ = std::move(stamp);
   return sha256_;
 }

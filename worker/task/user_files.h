@@ -3,7 +3,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/core/thread_annotations.h"
 #include "services/spec/campaign_spec.h"
@@ -25,6 +27,7 @@ class UserFiles {
  private:
   Mutex mutex_;
   std::string spec_sha256_ ETUDE_GUARDED_BY(mutex_);  ///< of the spec that was asked for last
+  std::vector<Path> files_ ETUDE_GUARDED_BY(mutex_);  ///< of its robots and objects
   std::string stamp_ ETUDE_GUARDED_BY(mutex_), sha256_ ETUDE_GUARDED_BY(mutex_);
 };
 

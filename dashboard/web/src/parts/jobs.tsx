@@ -37,8 +37,7 @@ export function Jobs() {
           <span class="mono small fill" title={one.log.slice(-3).join('\n')}>{one.command}</span>
           {one.state === 'running'
             ? <><span class="small muted">since {clock(one.started, false)}</span><button type="button" class="button" disabled={!access.ready} onClick={() => { void stop(one.id); }}>Stop</button></>
-            : <><Chip tone="bad">failed</Chip><span class="small muted">{one.exit_code !== null && `exit ${one.exit_code}, `}{clock(one.ended, false)}</span></>}
-          {one.state === 'failed' && one.log.length > 0 && <span class="mono small secondary" data-last-words>{one.log[one.log.length - 1]}</span>}
+            : <><Chip tone="bad">failed</Chip><span class="small muted">{one.exit_code !== null && `exit ${one.exit_code}, `}{clock(one.ended, false)}</span><span class="mono small secondary">{one.log[one.log.length - 1]}</span></>}
         </div>
       ))}
       {said && <p class="bad small" role="alert">{said}</p>}
