@@ -78,13 +78,15 @@ PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
 DatesFinding LookAtDates(const security::Identity& identity, std::int64_t now) {
   DatesFinding finding;
   if (now >= security::EndAt(identity)) {
-    finding.over = Error{Code::kUnavailable,
-                         fmt::format("identity '{}' expires on {}: this process ends before the bus falls silent; "
-                                     "issue it again (etude security issue DIR --name {}) and start it again",
-                                     identity.name, security::UtcText(identity.not_after), identity.name)};
+    finding.over =
+        Error{Code::kUnavailable,
+              fmt::format("identity '{}' expires on {}: this process ends before the bus falls silent; "
+                          "issue another one ({}) and start it again",
+                          identity.name, security::UtcText(identity.not_after), security::HowToRenew(identity))};
   } else if (now >= security::WarnAt(identity)) {
-    finding.soon = fmt::format("identity expires soon name={} on={}: issue it again and restart this process before",
-                               identity.name, security::UtcText(identity.not_after));
+    finding.soon =
+        fmt::format("identity expires soon name={} on={}: issue another one ({}) and restart this process before",
+                    identity.name, security::UtcText(identity.not_after), security::HowToRenew(identity));
   }
   return finding;
 }

@@ -14,6 +14,7 @@
 
 #include "services/core/file.h"
 #include "services/core/log.h"
+#include "services/core/log_format.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/core/stop_reason.h"
@@ -28,8 +29,15 @@ bool NobodyReads() {
 }
 
 // Says it on stderr, or to nobody: an end has no further use for an error of its own.
-int End(int exit_code, const std::string& name, const std::string& message) {
+void SayEnd(const std::string& name, const std::string& message) {
   std::fputs(fmt::format("{}: {}\n", name, message).c_str(), stderr);
+}
+
+int End(int exit_code, const std::string& name, const std::string& message) {
+  if (GetLogFormat() == LogFormat::kJson)
+    Log().error("{}", message);
+  else
+    SayEnd(name, message);
   return exit_code;
 }
 
@@ -59,8 +67,8 @@ std::string ExceptionText() {
   char thread[16] = "";
   ::pthread_getname_np(::pthread_self(), thread, sizeof(thread));
   try {
-    End(kExitFailure, fmt::format("thread '{}'", thread),
-        std::current_exception() ? ExceptionText() : "std::terminate was called");
+    SayEnd(fmt::format("thread '{}'", thread),
+           std::current_exception() ? ExceptionText() : "std::terminate was called");
   } catch (...) {
     std::fputs("std::bad_alloc, and no memory for more words\n", stderr);
   }
@@ -80,6 +88,12 @@ int ExitCodeFor(const Error& error) {
   }
 }
 
+Code CodeForExit(int exit_code) {
+  return exit_code == kExitUsage     ? Code::kInvalidArgument
+         : exit_code == kExitMachine ? Code::kUnavailable
+                                     : Code::kInternal;
+}
+
 int RunMain(const std::string& name, const std::function<Status()>& body) {
   InstallStopSignals();
   const char* level = std::getenv("ETUDE_LOG");
@@ -96,6 +110,10 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
     return End(ExitCodeFor(status.error()), name, status.error().message);
   } catch (const std::system_error& error) {
     if (error.code() == std::errc::broken_pipe && NobodyReads()) return kExitUnread;
+    if (std::ferror(stdout) != 0) {  // fmt could not write
+      const Error unwritten = ErrnoError("write", "standard output", error.code().value());
+      return End(ExitCodeFor(unwritten), name, unwritten.message);
+    }
     return End(kExitFailure, name, ExceptionText());
   } catch (...) {
     return End(kExitFailure, name, ExceptionText());

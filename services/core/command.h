@@ -14,6 +14,8 @@ namespace etude {
 enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitMachine = 3, kExitUnread = 128 + 13 };
 
 int ExitCodeFor(const Error& error);
+/// The other way round, of a child of ours that failed: kInvalidArgument, kUnavailable or kInternal.
+Code CodeForExit(int exit_code);
 
 /// Runs a program's body: installs the stop signals and the log, prints an Error once as
 /// "NAME: message", and turns what libraries throw past their owners into exit code 1 (in a thread: into its words and

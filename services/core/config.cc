@@ -81,16 +81,6 @@ Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin
   return Fail(Code::kInternal, where() + ": unknown YAML node");
 }
 
-// nlohmann's serializer is the one that must accept the text later, so it is the judge here
-bool IsUtf8(const std::string& text) {
-  try {
-    (void)OrderedJson(text).dump();
-    return true;
-  } catch (const OrderedJson::exception&) {
-    return false;
-  }
-}
-
 int EditDistance(const std::string& a, const std::string& b) {
   std::vector<int> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
@@ -142,6 +132,16 @@ void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
 
 }  // namespace
 
+// nlohmann's serializer is the one that must accept the text later, so it is the judge here
+bool IsUtf8(const std::string& text) {
+  try {
+    (void)OrderedJson(text).dump();
+    return true;
+  } catch (const OrderedJson::exception&) {
+    return false;
+  }
+}
+
 std::string JsonText(const OrderedJson& json, int indent) {
   return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
 }
@@ -150,7 +150,11 @@ Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin
   if (!IsUtf8(text)) return Fail(Code::kInvalidArgument, origin + ": not UTF-8 text");
   try {
     std::size_t room = kMostExpansion * text.size() + kFreeExpansion;
-    return NodeToJson(YAML::Load(text), origin, 0, room);
+    const auto documents = YAML::LoadAll(text);
+    if (documents.size() > 1)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("{}: {} YAML documents ('---' between them), one is expected", origin, documents.size()));
+    return NodeToJson(documents.empty() ? YAML::Node() : documents.front(), origin, 0, room);
   } catch (const YAML::Exception& error) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("{}:{}:{}: {}", origin, error.mark.line + 1, error.mark.column + 1, error.msg));

@@ -41,6 +41,9 @@ using OrderedJson = nlohmann::ordered_json;
 /// the replacement character.
 std::string JsonText(const OrderedJson& json, int indent = -1);
 
+/// Whether JSON can hold it.
+bool IsUtf8(const std::string& text);
+
 /// Parses YAML text into JSON (scalars become bool, integer, number or string as in YAML 1.2 core).
 /// @error kInvalidArgument with `origin`, line and column.
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin);

@@ -7,6 +7,7 @@
 
 #include <cstdio>
 
+#include "services/core/log.h"
 #include "services/core/log_format.h"
 #include "services/core/thread_annotations.h"
 
@@ -57,13 +58,20 @@ bool ProgressDisplay::due() const {
 
 void ProgressDisplay::Show(const std::string& line) {
   shown_ = MonotonicClock::now();
-  if (in_place_)
+  if (GetLogFormat() == LogFormat::kJson)
+    Log().info("{}", line);
+  else if (in_place_)
     Write(line.substr(0, TerminalWidth() - 1), true);
   else
     Write(line + "\n", false);
 }
 
-void ProgressDisplay::Say(const std::string& line) { Write(line + "\n", false); }
+void ProgressDisplay::Say(const std::string& line) {
+  if (GetLogFormat() == LogFormat::kText)
+    Write(line + "\n", false);
+  else if (!line.empty())
+    Log().info("{}", line);
+}
 
 namespace internal {
 void ClearProgress() { Write("", false); }

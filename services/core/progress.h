@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One line of progress on stderr: rewritten in place on a terminal, every few seconds elsewhere.
+// One line of progress on stderr: rewritten in place on a terminal, every few seconds elsewhere; of the log where that
+// is for programs.
 #pragma once
 
 #include <string>

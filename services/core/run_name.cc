@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "services/core/check.h"
+#include "services/core/log.h"
 
 namespace etude {
 namespace {
@@ -43,9 +44,17 @@ Status KeepRunName(const Path& folder, const std::string& name) {
 Result<Selector> ParseRun(const std::string& text, std::string_view what) {
   auto selector = ParseSelector(text, what);
   std::error_code error;
-  if (selector || !fs::is_directory(text, error)) return selector;
-  ETUDE_ASSIGN_OR_RETURN(const Identity identity, ReadIdentity(text));
-  return Selector{RunNameOf(text), identity.id};
+  if (!fs::is_directory(text, error)) return selector;
+  const auto identity = ReadIdentity(text);
+  if (!selector) {
+    if (!identity) return Fail(identity.error());
+    return Selector{RunNameOf(text), identity->id};
+  }
+  // "run" may be a name, and the folder of a run that is called otherwise
+  const std::string name = RunNameOf(text);
+  if (!identity || name == text || text.find('@') != std::string::npos) return selector;
+  Log().info("{} '{}': the folder of run '{}', which is meant", what, text, name);
+  return Selector{name, identity->id};
 }
 
 }  // namespace etude

@@ -19,7 +19,8 @@ std::string RunNameOf(const Path& folder);
 /// Durable. @pre IsPlainName(name) @error kUnavailable of the disk
 Status KeepRunName(const Path& folder, const std::string& name);
 
-/// The run that is meant by NAME, NAME@ID, or a run's folder, which knows both.
+/// The run that is meant by NAME, NAME@ID, or a run's folder, which knows both. A text that is a name and also the
+/// folder of a run with another name means the folder (logged); of a run with that name, the name.
 /// @param what  for the error: "--subscribe" @error kInvalidArgument: none of these; kNotFound: the folder has no id
 Result<Selector> ParseRun(const std::string& text, std::string_view what);
 

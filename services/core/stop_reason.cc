@@ -20,6 +20,7 @@ namespace etude {
 namespace {
 
 constexpr char kStartedAgain[] = "ETUDE_STARTED_AGAIN";  // BootSeconds: a wall clock may be set back
+const double kBegan = BootSeconds();                     // of this process
 constexpr char kNewIdOption[] = "--new-id";              // of collectors and trainers (services/core/identity.h)
 
 struct Reason {
@@ -73,7 +74,10 @@ RestartHold::~RestartHold() { --holds; }
 bool MayStartAgain() {
   if (holds > 0) return false;
   const char* const last = std::getenv(kStartedAgain);
-  return last == nullptr || BootSeconds() - std::atof(last) >= kLeastLifeS;
+  // whom a service manager starts again begins without that word
+  const bool is_managed = std::getenv("NOTIFY_SOCKET") != nullptr;
+  const double since = last != nullptr ? std::atof(last) : is_managed ? kBegan : BootSeconds() - kLeastLifeS;
+  return BootSeconds() - since >= kLeastLifeS;
 }
 
 void RestartWith(MoreArguments more) {

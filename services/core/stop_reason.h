@@ -26,6 +26,7 @@ inline constexpr std::int64_t kLeastLifeS = 120;
 /// Thread-safe.
 void RestartBecause(Error error);
 /// Whether kLeastLifeS have passed since this process started itself again, or it never did, and no RestartHold lives.
+/// Under a service manager, which starts it again without telling: since it began.
 bool MayStartAgain();
 /// While one lives, what is under way here is worth more than starting again. Thread-safe.
 class RestartHold {

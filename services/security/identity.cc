@@ -46,9 +46,9 @@ Status CheckDates(const Identity& identity) {
     return Refuse(identity.folder, fmt::format("it holds from {} on, and it is {}: is this machine's clock right?",
                                                UtcText(identity.not_before), UtcText(now)));
   if (now >= EndAt(identity))
-    return Refuse(identity.folder, fmt::format("it {} {}; issue it again: etude security issue DIR --name {}",
+    return Refuse(identity.folder, fmt::format("it {} {}; issue another one: {}",
                                                now >= identity.not_after ? "expired on" : "is about to expire on",
-                                               UtcText(identity.not_after), identity.name));
+                                               UtcText(identity.not_after), HowToRenew(identity)));
   return {};
 }
 
@@ -145,6 +145,15 @@ Path IdentityFor(const Path& folder, Role role) {
 
 std::int64_t WarnAt(const Identity& identity) {
   return identity.not_before + (identity.not_after - identity.not_before) * 4 / 5;
+}
+
+std::string HowToRenew(const Identity& identity) {
+  std::string roles;
+  for (const Role role : identity.roles) roles += fmt::format(" --role {}", ToString(role));
+  return fmt::format(
+      "etude security revoke DIR {0}; etude security issue DIR{1} --name {0}, with the --campaign, --run "
+      "and domains that it had: etude security show DIR",
+      identity.name, roles);
 }
 
 std::int64_t EndAt(const Identity& identity) {

@@ -43,6 +43,8 @@ Path IdentityFor(const Path& folder, Role role);
 /// ends the participant without a word. Seconds since 1970.
 std::int64_t WarnAt(const Identity& identity);
 std::int64_t EndAt(const Identity& identity);
+/// The two commands that give its holder another one, which holds for longer; the first takes this one back.
+std::string HowToRenew(const Identity& identity);
 
 /// "2026-01-31 12:00:00Z"
 std::string UtcText(std::int64_t seconds);

@@ -51,5 +51,24 @@ TEST(ParseRun, OfAFolderKnowsItsNameAndItsId) {
   EXPECT_THAT(ParseRun((folder / "none").string(), "--subscribe"), HasCode(Code::kInvalidArgument));
 }
 
+// "run" is a name, and most often a folder
+TEST(ParseRun, OfANameThatIsAlsoAFolderMeansTheRunInItWhereThatIsCalledOtherwise) {
+  const TemporaryFolder folder;
+  const Path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  const auto identity = OpenIdentity("run");
+  const auto alike = ParseRun("run", "--subscribe");
+  EXPECT_THAT(KeepRunName("run", "demo"), IsOk());
+  const auto other = ParseRun("run", "--subscribe"), named = ParseRun("demo", "--subscribe");
+  std::filesystem::current_path(before);
+  ASSERT_THAT(identity, IsOk());
+  ASSERT_THAT(alike, IsOk());
+  EXPECT_EQ(alike->text(), "run") << "the run of that name, whichever it is by then";
+  ASSERT_THAT(other, IsOk());
+  EXPECT_EQ(other->text(), "demo@" + identity->id);
+  ASSERT_THAT(named, IsOk());
+  EXPECT_EQ(named->text(), "demo");
+}
+
 }  // namespace run_name_test
 }  // namespace etude
