@@ -166,7 +166,8 @@ KeptOff TakeObstacle(const Vocabulary& vocabulary, const Strings& objects, Strin
   return {.obstacle = "", .why = fmt::format("no task is judged by keeping off {}", thing.names())};
 }
 
-// "to the left of the milk": the task that goes there, and beside what; taken out of `words`.
+// "to the left of the milk": the task that goes there, and beside what; taken out of `words`. It may also say which
+// thing is meant, as in "pick up the bottle behind the coke".
 struct Place {
   std::string task, reference, why;
 };
@@ -200,6 +201,11 @@ Best TaskOf(const Vocabulary& vocabulary, const Strings& words) {
   return best;
 }
 
+bool HasVerbOf(const Vocabulary& vocabulary, const std::string& task, const Strings& words) {
+  return !task.empty() &&
+         std::ranges::any_of(vocabulary.verb(task).all, [&](const std::string& verb) { return HasVerb(words, verb); });
+}
+
 void Understand(const Vocabulary& vocabulary, const Strings& objects, Meaning& meaning) {
   Strings words = SplitWords(meaning.sentence);
   if (words.empty()) return void(meaning.why = "nothing is said");
@@ -211,11 +217,14 @@ void Understand(const Vocabulary& vocabulary, const Strings& objects, Meaning& m
   if (!kept_off.why.empty()) return void(meaning.why = kept_off.why);
   command.obstacle = kept_off.obstacle;
   const Place place = TakePlace(vocabulary, objects, words);
-  if (!place.why.empty()) return void(meaning.why = place.why);
-  command.task = place.task;
-  command.reference = place.reference;
+  const Best task = TaskOf(vocabulary, words);
+  const bool goes_there = task.empty() || HasVerbOf(vocabulary, place.task, words);
+  if (!place.task.empty() && goes_there) {
+    if (!place.why.empty() && task.empty()) return void(meaning.why = place.why);
+    command.task = place.why.empty() ? place.task : "";
+    command.reference = place.why.empty() ? place.reference : "";
+  }
   if (command.task.empty()) {
-    const Best task = TaskOf(vocabulary, words);
     if (task.empty()) return void(meaning.why = "no verb of a task that is known");
     if (!task.one()) return void(meaning.why = "it could be " + task.names());
     command.task = task.found.front().name;

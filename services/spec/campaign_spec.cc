@@ -70,6 +70,8 @@ void CheckRoles(const TaskName& task, const CampaignSpec& spec, Problems& proble
 void CheckTasks(const CampaignSpec& spec, Problems& problems) {
   problems.Require(!spec.tasks.empty(), "tasks: at least one");
   for (const auto& name : spec.tasks) {
+    if (std::ranges::count(spec.tasks, name) > 1 && &name == &*std::ranges::find(spec.tasks, name))
+      problems.Require(false, fmt::format("tasks: '{}' twice; task_weights says how often each is drawn", name));
     const auto task = ParseTask(name);
     problems.Require(task ? Status() : Fail(task.error()), "tasks");
     if (task) CheckRoles(*task, spec, problems);
@@ -78,6 +80,14 @@ void CheckTasks(const CampaignSpec& spec, Problems& problems) {
                    fmt::format("task_weights: {} for {} tasks", spec.task_weights.size(), spec.tasks.size()));
   for (const double weight : spec.task_weights)
     problems.Require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
+}
+
+// {train: 1600, valid: 0.1, test: 400}: a share that was left as it is by default would make all of them shares.
+bool HasCountsAndFractions(const SplitSpec& split) {
+  const auto parts = {split.train, split.valid, split.test};
+  const auto is_whole = [](double part) { return part == std::floor(part); };
+  return std::ranges::any_of(parts, [&](double part) { return part > 1 && is_whole(part); }) &&
+         !std::ranges::all_of(parts, is_whole);
 }
 
 bool HasObstacle(const CampaignSpec& spec) {
@@ -130,6 +140,8 @@ void CheckRandomization(const RandomizationSpec& randomization, Problems& proble
   problems.InRange("randomization.light", randomization.light, 0.0, 1.0);
   randomization.world.Check(problems.errors());
 }
+
+constexpr std::size_t kLongestRobot = 128;  // bytes; proto/policy.idl, Observation::robot
 
 bool NamesTheBall(const CampaignSpec& spec) {
   return std::ranges::count(spec.objects, kObstacleObject) > 0 || HasObstacle(spec);
@@ -195,6 +207,9 @@ Status CampaignSpec::Validate() const {
   for (const auto& robot : robots) {
     const auto found = FindRobot(robot);
     problems.Require(found ? Status() : Fail(found.error()), "robots");
+    problems.Require(robot.size() <= kLongestRobot,
+                     fmt::format("robots: '{:.40}...' has {} bytes, and messages take {}: give a shorter path", robot,
+                                 robot.size(), kLongestRobot));
   }
   CheckTasks(*this, problems);
   CheckObjects(*this, problems);
@@ -218,6 +233,11 @@ Status CampaignSpec::Validate() const {
   const double whole = split.train + split.valid + split.test;
   problems.Require(split.train >= 0 && split.valid >= 0 && split.test >= 0 && whole > 0 && std::isfinite(whole),
                    "split: fractions must be >= 0 and not all 0");
+  problems.Require(
+      !HasCountsAndFractions(split),
+      fmt::format("split: {:g}, {:g} and {:g} of train, valid and test are counts and a fraction; write whole "
+                  "numbers for all three, or fractions",
+                  split.train, split.valid, split.test));
   if (problems.errors().empty()) return {};
   return Fail(Code::kInvalidArgument, fmt::format("campaign '{}': {}", name, fmt::join(problems.errors(), "; ")));
 }

@@ -103,8 +103,9 @@ std::vector<std::string> SceneNames(const std::vector<std::string>& names) {
 
 std::string ObjectNoun(const std::string& name) {
   const std::string called = SceneName(name);  // "objects/mug_00" of the user's is said as "mug_00" is
-  const auto generated = ParseGenerated(called);
-  return generated ? generated->class_name : called;
+  // of the user's own there may be more instances than come along
+  const auto numbered = ParseNumbered(called);
+  return numbered && Contains(GeneratedClasses(), numbered->class_name) ? numbered->class_name : called;
 }
 
 std::string BallName(int colour) {

@@ -11,8 +11,9 @@
 namespace etude {
 
 /// Of `count` shards the one of `number`, from 1: it has the episodes whose index leaves number - 1 when divided by
-/// `count`. So every shard has its share of each task, robot and split, and no episode is another one for it. {1, 1} is
-/// the whole campaign.
+/// `count`. No episode is another one for it, and all shards together are the campaign; one alone has its share of
+/// tasks and robots only where `count` and their numbers have no common divisor (of three tasks in turn, each of three
+/// shards has one). {1, 1} is the whole campaign.
 struct Shard {
   std::uint32_t number = 1, count = 1;
 

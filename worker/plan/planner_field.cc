@@ -73,6 +73,13 @@ void Planner::Impl::PlanByField(Call& call, const Eigen::VectorXd& q_goal) {
     problem.settle = [this](const Eigen::VectorXd& q) { return kinematics.Solve(kinematics.X_WE(q), q).value_or(q); };
   const FieldResult field = internal::FollowField(problem, kinematics, call.checker);
   if (!field.reached) return Escape(call, q_goal, field.trap);
+  if (field.path.size() < 2) {  // it is there already: nothing to smooth
+    call.outcome.kind = OutcomeKind::kField;
+    call.outcome.motion =
+        StraightMotion(kinematics.X_WE(q_start), request.X_WE_goal, request.limits, request.start_speed);
+    call.outcome.reason = "field, there already";
+    return;
+  }
   call.keep = kPruned * field.keep;
   if (FinishField(call, field.path)) {
     call.outcome.reason = fmt::format("field, {:.0f} % of the clearance kept", 100 * field.keep);

@@ -190,6 +190,11 @@ Status MjcfDocument::ReadCompiler() {
     return Fail(Code::kInvalidArgument, fmt::format("{}: <compiler coordinate=\"global\"/> is not supported: "
                                                     "save it with local coordinates",
                                                     file_.string()));
+  if (value("fitaabb") == "true")
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: <compiler fitaabb=\"true\"/> is not supported: write the sizes of "
+                            "geoms that are fitted to meshes, or leave it out",
+                            file_.string()));
   degrees_ = value("angle") != "radian";
   strip_paths_ = value("strippath") == "true";
   mesh_folder_ = compiler->Attribute("meshdir") ? value("meshdir") : value("assetdir");

@@ -57,20 +57,20 @@ struct RobotFile {
   } tool;
 
   struct Gripper {
-    std::string mjcf;                               ///< of a gripper in a file of its own, relative to the YAML
-    std::string attach;                             ///< body or site of the arm that it is mounted on
-    std::vector<double> position{0, 0, 0};          ///< m, of the gripper's root there
-    std::vector<double> euler{0, 0, 0};             ///< rad, of the gripper's root there: roll, pitch, yaw
-    std::string joint;                              ///< driven
-    std::map<std::string, double> coupled;          ///< joints that follow it, times this factor
-    double open = 0, closed = 0;                    ///< of the driven joint, rad or m
-    double force = 0;                               ///< N m or N on the driven joint, > 0
+    std::string mjcf;                       ///< of a gripper in a file of its own, relative to the YAML
+    std::string attach;                     ///< body or site of the arm that it is mounted on
+    std::vector<double> position{0, 0, 0};  ///< m, of the gripper file's world there: its root keeps its own pose in it
+    std::vector<double> euler{0, 0, 0};     ///< rad, alike: roll, pitch, yaw
+    std::string joint;                      ///< driven
+    std::map<std::string, double> coupled;  ///< joints that follow it, times this factor
+    double open = 0, closed = 0;            ///< of the driven joint, rad or m
+    double force = 0;                       ///< N m or N on the driven joint, > 0
     std::vector<std::vector<std::string>> fingers;  ///< groups of bodies
     void Visit(auto& v) {
       v("mjcf", mjcf, "", "of a gripper in a file of its own, relative to this file");
       v("attach", attach, "", "body or site of the arm on which that one is mounted");
-      v("position", position, "m", "of that gripper's root there");
-      v("euler", euler, "rad", "of that gripper's root there: roll, pitch, yaw");
+      v("position", position, "m", "of that gripper file's world there, in which its root keeps its own pose");
+      v("euler", euler, "rad", "of that gripper file's world there: roll, pitch, yaw");
       v("joint", joint, "", "joint that is driven");
       v("coupled", coupled, "-", "joints that follow it, each by its factor");
       v("open", open, "rad or m", "of the driven joint");

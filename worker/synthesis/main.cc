@@ -198,7 +198,7 @@ CLI::App* AddSynthesize(CLI::App& app, Arguments& arguments) {
   auto* command = app.add_subcommand("synthesize", "objects from built-in drawings, or from pictures with depth");
   command->add_option("--classes", arguments.classes, "all, or some: apple,mug")->delimiter(',')->capture_default_str();
   command->add_option("--per-class", arguments.per_class, "instances of each; the first three are for training")
-      ->check(CLI::Range(1, 1000))
+      ->check(CLI::Range(1, 100))
       ->capture_default_str();
   command->add_option("--seed", arguments.seed, "other seeds give other objects")->capture_default_str();
   auto* images =

@@ -5,6 +5,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <assimp/Exporter.hpp>
@@ -15,6 +16,8 @@
 #include <memory>
 #include <optional>
 #include <set>
+
+#include "services/core/log.h"
 
 namespace etude::synthesis {
 namespace {
@@ -39,15 +42,21 @@ void Configure(Assimp::Importer& importer) {
 
 Vector3d ToVector(const aiVector3D& v) { return {v.x, v.y, v.z}; }
 
-/// The one picture that all materials in use show; "" when there is none or there are several.
-std::string CommonPicture(const aiScene& scene) {
+/// The one picture that all materials in use show; "" when there is none or there are several, which is logged.
+std::string CommonPicture(const aiScene& scene, const Path& path) {
   std::set<std::string> names;
   for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
     aiString name;
     scene.mMaterials[scene.mMeshes[i]->mMaterialIndex]->GetTexture(aiTextureType_DIFFUSE, 0, &name);
     names.insert(scene.mMeshes[i]->HasTextureCoords(0) ? name.C_Str() : "");
   }
-  return names.size() == 1 ? *names.begin() : "";
+  if (names.size() == 1) return *names.begin();
+  names.erase("");
+  Log().warn(
+      "'{}': left out its {} ({}), not all of it shows the same one: an object has one texture; its materials' "
+      "colours are taken",
+      path.string(), names.size() == 1 ? "picture" : "pictures", fmt::join(names, ", "));
+  return "";
 }
 
 /// The bytes of that picture: inside of the file or beside it; empty when it cannot be had.
@@ -59,7 +68,9 @@ std::vector<std::uint8_t> PictureBytes(const aiScene& scene, const Path& path, c
     return {bytes, bytes + inside->mWidth};
   }
   auto beside = ReadBinaryFile(path.parent_path() / name, 1u << 28);
-  return beside ? std::move(*beside) : std::vector<std::uint8_t>{};
+  if (beside) return std::move(*beside);
+  Log().warn("'{}': left out its picture: {}; its materials' colours are taken", path.string(), beside.error().message);
+  return {};
 }
 
 Vector3d DiffuseColor(const aiMaterial& material) {
@@ -111,7 +122,7 @@ Result<FileMesh> ReadMesh(const Path& path) {
   if (!scene) return Fail(Code::kCorrupt, fmt::format("read '{}': {}", path.string(), importer.GetErrorString()));
 
   FileMesh result;
-  result.picture = PictureBytes(*scene, path, CommonPicture(*scene));
+  result.picture = PictureBytes(*scene, path, CommonPicture(*scene, path));
   for (unsigned i = 0; i < scene->mNumMaterials; ++i) result.palette.push_back(DiffuseColor(*scene->mMaterials[i]));
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) {
     const aiMesh& mesh = *scene->mMeshes[i];

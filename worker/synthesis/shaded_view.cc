@@ -19,8 +19,9 @@ constexpr double kAmbient = 0.45, kDiffuse = 0.62;
 /// Colour of the texture at (u, v), 0..255; the nearest texel.
 Vector3d Sample(const Texture& texture, const Vector2d& uv) {
   if (texture.rgb.empty()) return Vector3d::Constant(180);
-  const int x = std::clamp(static_cast<int>(uv.x() * texture.width), 0, texture.width - 1);
-  const int y = std::clamp(static_cast<int>(uv.y() * texture.height), 0, texture.height - 1);
+  const double u = uv.x() - std::floor(uv.x()), v = uv.y() - std::floor(uv.y());  // it repeats, as in scenes
+  const int x = std::clamp(static_cast<int>(u * texture.width), 0, texture.width - 1);
+  const int y = std::clamp(static_cast<int>(v * texture.height), 0, texture.height - 1);
   const std::uint8_t* texel = texture.rgb.data() + 3 * (static_cast<std::size_t>(y) * texture.width + x);
   return {static_cast<double>(texel[0]), static_cast<double>(texel[1]), static_cast<double>(texel[2])};
 }

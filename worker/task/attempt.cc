@@ -107,7 +107,7 @@ Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::R
   ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(SceneNames(spec.objects), spec.tasks));
   for (const auto& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-    ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec));
+    ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec, SceneNames(spec.objects)));
     ETUDE_RETURN_IF_ERROR(CheckTurns(spec, task));
   }
   auto impl = std::make_unique<Impl>(Impl{.spec = spec,

@@ -87,7 +87,7 @@ bool EpisodeRunner::Step(const Command& command) {
   {
     const plan::Timer watch(times_.step);
     world.Step(command.target, command.V_WE);
-    if (std::exchange(target_pushed_, false)) judge_.Displaced(world);
+    if (const std::string pushed = std::exchange(pushed_, {}); !pushed.empty()) judge_.Displaced(world, pushed);
     judge_.Observe(world);
   }
   if (!world.healthy()) {
@@ -97,9 +97,9 @@ bool EpisodeRunner::Step(const Command& command) {
   return failure_ == AttemptOutcome::kSuccess;
 }
 
-void EpisodeRunner::PushTarget(const Pose& X_WO, const Eigen::Vector3d& v_WO) {
-  parts_.world->Guide(plan_.target, X_WO, v_WO);
-  target_pushed_ = true;
+void EpisodeRunner::PushObject(const std::string& object, const Pose& X_WO, const Eigen::Vector3d& v_WO) {
+  parts_.world->Guide(object, X_WO, v_WO);
+  pushed_ = object;
 }
 
 std::span<const std::uint8_t> EpisodeRunner::Picture() {

@@ -63,8 +63,8 @@ class EpisodeRunner {
   /// Records the state, then applies `command` for one control step.
   /// @returns false when the attempt is over for a reason of its own: see failure().
   bool Step(const Command& command);
-  /// The next Step slides the target, see World::Guide; the judge takes where it comes to as where it stood.
-  void PushTarget(const Pose& X_WO, const Eigen::Vector3d& v_WO);
+  /// The next Step slides this object, see World::Guide; the judge takes where it comes to as where it stood.
+  void PushObject(const std::string& object, const Pose& X_WO, const Eigen::Vector3d& v_WO);
   /// Picture of the state now, rendered at most once a step. Valid until the next Step.
   std::span<const std::uint8_t> Picture();
 
@@ -98,7 +98,7 @@ class EpisodeRunner {
   std::string failure_reason_;
   std::vector<std::uint8_t> picture_;
   int pictured_step_ = -1;
-  bool target_pushed_ = false;  // by the next Step
+  std::string pushed_;  // object that the next Step slides; "": none
 };
 
 }  // namespace etude::task

@@ -65,7 +65,9 @@ void Judge::Observe(const sim::World& world) {
   ++step_;
 }
 
-void Judge::Displaced(const sim::World& world) { now_.at(case_.target).X_WO_start = world.ObjectPose(case_.target); }
+void Judge::Displaced(const sim::World& world, const std::string& object) {
+  now_.at(object).X_WO_start = world.ObjectPose(object);
+}
 
 void Judge::ObserveObjects(const sim::World& world) {
   for (auto& [name, object] : now_) {

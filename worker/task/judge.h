@@ -58,8 +58,8 @@ class Judge {
 
   /// After every World::Step.
   void Observe(const sim::World& world);
-  /// Somebody else moved the target: where it is now is where it stood. Call before Observe.
-  void Displaced(const sim::World& world);
+  /// Somebody else moved this object of the scene: where it is now is where it stood. Call before Observe.
+  void Displaced(const sim::World& world, const std::string& object);
 
   int held() const { return held_; }             ///< control steps in a row, now
   bool done() const { return done_step_ >= 0; }  ///< it held for kDwell

@@ -58,7 +58,7 @@ OrderedJson JsonOf(const Judge& judge, bool judged) {
 }
 
 Error InTheArm(const std::string& object, const std::string& body) {
-  return {Code::kInvalidArgument, fmt::format("place objects: {} is where the arm is ({})", object, body)};
+  return {Code::kInvalidArgument, fmt::format("{} would be where the arm is ({})", object, body)};
 }
 
 std::vector<std::string> NamesOf(const std::vector<sim::ObjectInfo>& objects) {
@@ -83,7 +83,7 @@ Result<std::unique_ptr<PlaySession>> PlaySession::Open(const CampaignSpec& spec,
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   for (const auto& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-    ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec));
+    ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec, SceneNames(spec.objects)));
   }
   std::unique_ptr<PlaySession> session(new PlaySession(spec, renderer));
   ETUDE_RETURN_IF_ERROR(session->SetScene(index, {}));
@@ -221,6 +221,20 @@ Status PlaySession::Place(const std::vector<ObjectPlace>& places) {
   return {};
 }
 
+// Also while a policy drives: who asks the checker then says where the objects are and what may touch first.
+Status PlaySession::CheckArm(const std::string& name, const Pose& X_WO) const {
+  EpisodeEnvironment& in = *environment_;
+  const double gripper = in.checker.gripper();
+  in.checker.ClearObjects();
+  in.checker.Allow({});
+  in.checker.SetGripper(in.world.gripper());
+  in.checker.SetObject(name, X_WO);
+  const auto near = in.checker.Distances(in.world.q(), kStartMargin);
+  in.checker.SetGripper(gripper);
+  const auto touched = std::ranges::find(near, name, &collide::Proximity::body_b);
+  return touched == near.end() ? Status() : Fail(InTheArm(name, touched->body_a));
+}
+
 Status PlaySession::Nudge(const std::string& name, double dx, double dy) {
   ETUDE_ASSIGN_OR_RETURN(const sim::ObjectInfo* const object, Free(name));
   const double length = std::hypot(dx, dy);
@@ -231,6 +245,8 @@ Status PlaySession::Nudge(const std::string& name, double dx, double dy) {
   Pose to = from;
   to.p += Eigen::Vector3d(dx, dy, 0);
   ETUDE_RETURN_IF_ERROR(CheckFree(*object, PlaceOf(name, to)));
+  for (const double share : {0.5, 1.0})
+    ETUDE_RETURN_IF_ERROR(CheckArm(name, {from.p + share * (to.p - from.p), from.q}));
   return Move({.object = name, .from = from, .to = to, .step = 0, .steps = kNudgeSteps});
 }
 
@@ -254,6 +270,7 @@ Status PlaySession::Show(const std::string& name) {
   Status free;
   if (slide_) free = Fail(Code::kUnavailable, fmt::format("{} is being moved: wait for that", slide_->object));
   if (free) free = CheckFree(*object, PlaceOf(name, to));
+  if (free) free = CheckArm(name, to);
   if (free) return Move({.object = name, .from = to, .to = to, .step = 0, .steps = 1});
   hidden_[name] = to;
   return free;
@@ -273,8 +290,8 @@ void PlaySession::GoOnSliding() {
   const double rate = BlendRate(s) * kControlRate / slide.steps;
   const Eigen::Vector3d by = slide.to.p - slide.from.p;
   const Pose X_WO{slide.from.p + Blend(s) * by, slide.from.q};
-  if (running_ && slide.object == running_->plan().target)
-    running_->PushTarget(X_WO, rate * by);  // the judge counts only what the robot does
+  if (running_)
+    running_->PushObject(slide.object, X_WO, rate * by);  // the judge counts only what the robot does
   else
     environment_->world.Guide(slide.object, X_WO, rate * by);
   if (slide.step == slide.steps) slide_.reset();
@@ -371,7 +388,7 @@ Result<EpisodePlan> PlaySession::PlanOf(const Sentence& sentence) const {
     return plan;
   }
   ETUDE_ASSIGN_OR_RETURN(plan.task, ParseTask(sentence.task));
-  ETUDE_RETURN_IF_ERROR(CheckPredicates(*plan.task.spec));
+  ETUDE_RETURN_IF_ERROR(CheckPredicates(*plan.task.spec, SceneNames(spec_.objects)));
   const auto check = [&](const std::string& name) -> Status {
     if (std::ranges::find(objects, name, &sim::ObjectInfo::name) == objects.end())
       return Fail(Code::kInvalidArgument, "say: on the table " + NotKnown(name.substr(0, 40), NamesOf(objects)));

@@ -120,6 +120,7 @@ class PlaySession {
   Result<const sim::ObjectInfo*> Free(const std::string& object) const;
   Status CheckFree(const sim::ObjectInfo& object, const ObjectPlace& at,
                    const std::vector<ObjectPlace>& moved = {}) const;
+  Status CheckArm(const std::string& name, const Pose& X_WO) const;
   Result<std::vector<PlacedObject>> Replaced(const std::vector<ObjectPlace>& places) const;
   Status Move(Slide slide);
   void GoOnSliding();

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "services/spec/object_names.h"
 
 namespace etude::task {
@@ -12,20 +14,21 @@ namespace {
 constexpr const char* kTarget = "/target";
 constexpr const char* kReference = "/reference";
 
-/// Adds the known objects that the tree speaks of by their own names.
-void AddNamed(const PredicateSpec& spec, std::vector<std::string>& names) {
+/// Adds the known objects, and those of `own`, that the tree speaks of by their own names.
+void AddNamed(const PredicateSpec& spec, const std::vector<std::string>& own, std::vector<std::string>& names) {
   for (const auto& [parameter, value] : spec.parameters)
-    if (value.is_word() && CheckObjectName(value.word)) names.push_back(value.word);
-  for (const PredicateSpec& child : spec.children) AddNamed(child, names);
+    if (value.is_word() && (CheckObjectName(value.word) || std::ranges::count(own, value.word) > 0))
+      names.push_back(value.word);
+  for (const PredicateSpec& child : spec.children) AddNamed(child, own, names);
 }
 
 }  // namespace
 
-Status CheckPredicates(const TaskSpec& task) {
+Status CheckPredicates(const TaskSpec& task, const std::vector<std::string>& objects) {
   const std::string reference = task.reference.needed ? kReference : "";
   const auto check = [&](const char* key, const PredicateSpec& spec) -> Status {
     Cast cast{.target = kTarget, .reference = reference, .objects = {kTarget, kReference}};
-    AddNamed(spec, cast.objects);
+    AddNamed(spec, objects, cast.objects);
     const auto made = MakePredicate(spec, cast);
     if (made) return {};
     return Fail(made.error().code, fmt::format("task '{}': {}: {}", task.name, key, made.error().message));

@@ -17,8 +17,9 @@ namespace etude::task {
 
 /// Whether the predicates of a task can be made: their kinds, parameters and roles. An object may be named: whether a
 /// scene has it is known where the scene is drawn.
+/// @param objects  that may be named beside those that come with Etude: the campaign's own, by their names in scenes
 /// @error kInvalidArgument: as MakePredicate, with the task's name and the key
-Status CheckPredicates(const TaskSpec& task);
+Status CheckPredicates(const TaskSpec& task, const std::vector<std::string>& objects = {});
 
 /// What of `start.not_already` holds while the objects stand like this, nothing when none does.
 /// @pre CheckPredicates(task)

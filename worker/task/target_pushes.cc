@@ -55,7 +55,7 @@ void TargetPushes::GoOn() {
   }
   const double s = static_cast<double>(++push.steps) / kTargetPushSteps;
   const double rate = BlendRate(s) * kControlRate / kTargetPushSteps;  // 1/s
-  runner_->PushTarget({push.from.p + Blend(s) * push.by, push.from.q}, rate * push.by);
+  runner_->PushObject(runner_->plan().target, {push.from.p + Blend(s) * push.by, push.from.q}, rate * push.by);
 }
 
 std::optional<Eigen::Vector3d> TargetPushes::DrawWay(const Pose& X_WO) {

@@ -176,8 +176,8 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
 
 Status CheckTaskFile(const std::string& name, const TaskCheckOptions& options, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-  ETUDE_RETURN_IF_ERROR(task::CheckPredicates(*task.spec));
   const std::vector<std::string> objects = ObjectsFor(*task.spec);
+  ETUDE_RETURN_IF_ERROR(task::CheckPredicates(*task.spec, SceneNames(objects)));
   TaskReport report(options.as_json);
   ETUDE_RETURN_IF_ERROR(PrintMeaning(task, objects, report));
   report.json["robots"] = OrderedJson::array();

@@ -70,6 +70,19 @@ TEST(Meaning, OfARelationNamesBothObjects) {
     }
 }
 
+// before, whatever was said of where a thing stands made a relation of it
+TEST(Meaning, APlaceMaySayWhichThingIsMeant) {
+  for (const auto& [sentence, task, target] : {std::tuple{"pick up the bottle behind the coke", "pick", "bottle"},
+                                               {"pick up the coke on the table", "pick", "coke"},
+                                               {"push the milk to the left of the bread", "push", "milk"}}) {
+    const Meaning meaning = Parser().Parse(sentence);
+    ASSERT_TRUE(meaning.command) << sentence << ": " << meaning.why;
+    EXPECT_EQ(meaning.task(), task) << sentence;
+    EXPECT_EQ(meaning.command->target, target) << sentence;
+    EXPECT_EQ(meaning.command->reference, "") << sentence;
+  }
+}
+
 TEST(Meaning, KnowsWhatIsToBeKeptOff) {
   const auto grammar = Grammar::Load();
   ASSERT_TRUE(grammar);

@@ -97,6 +97,8 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"obstacle.in_the_way=1.1", "obstacle.in_the_way: 1.1 not in 0..1"},
                  {"obstacle.clearance=0.5", "obstacle.clearance: 0.5 not in 0.01..0.3"},
                  {"split={train: 0, valid: 0, test: 0}", "split: fractions must be >= 0 and not all 0"},
+                 {"split={train: 1600, test: 400}", "split: 1600, 0.1 and 400 of train, valid and test are counts and"},
+                 {"tasks=[pick, push, pick]", "tasks: 'pick' twice"},
                  {"split.valid=-0.1", "split: fractions must be >= 0 and not all 0"},
                  {"split.train=.inf", "split.train"},
                  {"camera.position=[.nan, 1, 1]", "camera.position[0]"},

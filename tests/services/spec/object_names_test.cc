@@ -49,6 +49,7 @@ TEST(ObjectNames, OfPathsAreTheirLastFolder) {
     EXPECT_TRUE(IsObjectPath(path));
     EXPECT_EQ(SceneName(path), "duck") << path;
     EXPECT_EQ(ObjectNoun(path), "duck") << path;
+    for (const char* path : {"mug_00", "objects/mug_03", "objects/mug_12"}) EXPECT_EQ(ObjectNoun(path), "mug") << path;
   }
   EXPECT_EQ(SceneName("apple_03"), "apple_03");
   EXPECT_EQ(ObjectNoun("apple_03"), "apple");

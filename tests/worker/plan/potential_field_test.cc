@@ -81,6 +81,17 @@ TEST_F(FieldTest, EndsAtTheGoalWhereNothingIsInTheWay) {
   for (const Pose& X_WE : outcome.motion.X_WE) EXPECT_LT(line.distance(X_WE.p), 0.02);
 }
 
+// before, it ended the process: there is nothing to smooth
+TEST_F(FieldTest, ToWhereItIsHasOneSample) {
+  Request request = ToTheSide(0.2, 0.1, 0.1);
+  request.X_WE_goal = X_WE_home_;
+  const Outcome outcome = planner_.Plan(request, checker_, 1);
+
+  ASSERT_EQ(outcome.kind, OutcomeKind::kField) << outcome.reason;
+  EXPECT_EQ(outcome.motion.steps(), 1);
+  EXPECT_EQ(outcome.motion.X_WE.back().p, X_WE_home_.p);
+}
+
 TEST_F(FieldTest, KeepsClearOfWhatTheStraightLineWouldTouch) {
   Request request = ToTheSide(0.35, 0.05, 0.12);
   request.clearance = 0.06;

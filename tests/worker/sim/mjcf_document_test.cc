@@ -187,6 +187,7 @@ TEST_F(Document, RefusesWhatIsNoRobotOfOurMuJoCoAndSaysWhy) {
            {"", "is no XML"},
            {"<robot name=\"urdf\"/>", "its root is <robot>, not <mujoco>"},
            {R"(<mujoco><compiler coordinate="global"/></mujoco>)", "coordinate=\"global\""},
+           {R"(<mujoco><compiler fitaabb="true"/></mujoco>)", "fitaabb=\"true\""},
            {R"(<mujoco><compiler eulerseq="xyw"/></mujoco>)", "eulerseq 'xyw' is not three of xyz"},
            {R"(<mujoco><compiler eulerseq="xy"/></mujoco>)", "eulerseq 'xy'"},
            {R"(<mujoco><worldbody><body euler="1 2"/></worldbody></mujoco>)", "euler=\"1 2\"> has 2 numbers, not 3"},

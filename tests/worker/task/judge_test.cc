@@ -170,7 +170,7 @@ TEST_F(JudgeTest, WhatSomebodyElseMovedCountsFromWhereItCameTo) {
   Stay(judge, 5);
   Stand("coke", {0, 0.45});
   world_.Forward();
-  judge.Displaced(world_);
+  judge.Displaced(world_, "coke");
   Stay(judge, 60);
   EXPECT_FALSE(judge.success_latched()) << "the robot did not push it";
   Stand("coke", {0, 0.50});

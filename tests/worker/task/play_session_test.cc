@@ -211,6 +211,26 @@ TEST(PlaySession, NudgesWithoutTheJudgeTakingItForTheRobot) {
   EXPECT_EQ(verdict->outcome, AttemptOutcome::kTimeout) << verdict->reason;
 }
 
+// also of what nobody spoke of: a person's hand is no robot's
+TEST(PlaySession, WhatAPersonMovesIsNotDisturbedByTheRobot) {
+  auto session = Open(SpecOf(kTask));
+  std::string other;
+  for (const auto& object : session->plan().scene.objects)
+    if (object != session->plan().target) other = object;
+  int steps = 0;
+  bool nudged = false;
+  const auto verdict = session->Say(SentenceOf(session->plan(), 250), Still(*session), [&] {
+    if (++steps == 20)
+      for (const double dx : {0.06, -0.06})
+        for (const double dy : {0.0, 0.06, -0.06})
+          if (!nudged) nudged = session->Nudge(other, dx, dy).has_value();
+    return true;
+  });
+  ASSERT_TRUE(verdict);
+  ASSERT_TRUE(nudged);
+  EXPECT_TRUE(session->JudgeJson()["disturbed"].empty()) << session->JudgeJson().dump();
+}
+
 TEST(PlaySession, ANudgeThatWasAcceptedArrivesAfterTheSentence) {
   auto session = Open(SpecOf(kTask));
   const std::string target = session->plan().target;

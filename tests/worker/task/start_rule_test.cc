@@ -47,6 +47,9 @@ TEST(CheckPredicates, AnObjectMayBeNamed) {
   const TaskSpec task = TaskWith("{all: [{risen: {object: milk}}, {untouched: {objects: bottle}}]}");
   EXPECT_THAT(CheckPredicates(task), IsOk());
   EXPECT_THAT(CheckPredicates(TaskWith("{risen: {object: mlik}}")), MessageHas("the scene has no 'mlik'"));
+  const TaskSpec own = TaskWith("{risen: {object: duck}}");
+  EXPECT_THAT(CheckPredicates(own), MessageHas("the scene has no 'duck'"));
+  EXPECT_THAT(CheckPredicates(own, {"cube", "duck"}), IsOk()) << "one of the campaign's own";
 }
 
 class AlreadySo : public testing::Test {

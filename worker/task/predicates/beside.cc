@@ -2,6 +2,8 @@
 // beside: the object is on one side of another, as seen in the picture.
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "worker/task/predicates/geometry.h"
 #include "worker/task/predicates/kinds.h"
 
@@ -25,7 +27,7 @@ class Beside final : public Predicate {
   }
   std::string Words() const override {
     return fmt::format("{} {} of {} by {:.3f} m ({:.2f}..{:.2f}), {:.3f} m off (< {:.2f})", object_, side_, of_, along_,
-                       bounds_.near, bounds_.far, aside_, bounds_.aside);
+                       bounds_.near, bounds_.far, std::abs(aside_), bounds_.aside);
   }
 
  private:
