@@ -180,6 +180,15 @@ Status BlobPublisher::Publish(const std::string& channel, std::uint64_t version,
   return {};
 }
 
+bool BlobPublisher::AwaitTaken(std::chrono::nanoseconds timeout) {
+  const auto end = MonotonicClock::now() + timeout;
+  for (const Endpoint* writer : {&impl_->chunks, &impl_->manifests}) {
+    const auto left = std::max<std::chrono::nanoseconds>(end - MonotonicClock::now(), std::chrono::nanoseconds(0));
+    if (dds_wait_for_acks(writer->get(), left.count()) != DDS_RETCODE_OK) return false;
+  }
+  return true;
+}
+
 int BlobPublisher::matched_subscribers() const { return MatchedReaders(impl_->manifests); }
 
 }  // namespace etude::bus

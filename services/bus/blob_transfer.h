@@ -132,6 +132,9 @@ class BlobPublisher {
   /// `version` must grow per channel.
   Status Publish(const std::string& channel, std::uint64_t version, std::span<const std::uint8_t> bytes,
                  const std::string& meta_json);
+  /// Waits until all that are there have all of it, or for `timeout`: what is on its way when a publisher ends is kept
+  /// for a second and then lost. @returns false where some have not.
+  bool AwaitTaken(std::chrono::nanoseconds timeout);
   int matched_subscribers() const;
 
  private:

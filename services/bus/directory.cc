@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <ctime>
 #include <functional>
+#include <set>
 #include <tuple>
 
 #include "services/bus/access.h"
@@ -16,6 +17,7 @@
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/enum_name.h"
+#include "services/core/log.h"
 #include "services/core/printable.h"
 #include "services/core/stop.h"
 
@@ -26,6 +28,7 @@ using namespace std::chrono_literals;
 
 // how long one that has just joined the domain looks for who else is there
 constexpr auto kLookAround = 300ms;
+constexpr std::size_t kMostOthers = 1000;  // that are remembered as said
 // and under security at most until all that it sees have been authenticated
 constexpr auto kMostAuthentication = 3s;
 
@@ -111,6 +114,7 @@ struct Directory::Impl {
   Reader<Presence> reader;
   MonotonicClock::time_point opened = MonotonicClock::now();
   std::optional<MonotonicClock::time_point> settled = {};  // from then on those who were there first are known
+  std::set<std::string> refused = {};                      // of another user: not what replaces what was followed
 
   bool Settled();
   std::vector<Presence> Await(std::chrono::nanoseconds timeout, const std::function<std::vector<Presence>()>& look);
@@ -161,10 +165,17 @@ std::vector<Presence> Directory::Matching(PresenceKind kind, const Selector& sel
   return matching;
 }
 
-bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std::string& id) {
+bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std::string& id, const std::string& user) {
   const auto matching = Matching(kind, selector);
-  const bool there = std::ranges::find(matching, id, &Presence::id) != matching.end();
-  return !there && !matching.empty();
+  if (std::ranges::find(matching, id, &Presence::id) != matching.end()) return false;
+  for (const Presence& other : matching) {
+    if (user.empty() || other.user == user) return true;
+    if (impl_->refused.size() < kMostOthers && impl_->refused.insert(other.id).second)
+      Log().warn("{} {}@{} is of user {} on {}, and {}@{} of user {}: it is not followed; give {}@{} to do so",
+                 ToString(kind), other.name, other.id, other.user, other.host, selector.name, id, user, other.name,
+                 other.id);
+  }
+  return false;
 }
 
 // What `look` finds, once there is something and those who were there first are known.

@@ -49,8 +49,9 @@ class Directory {
   std::vector<Presence> Live();
   /// Those of a kind that `selector` fits, one for each id, or shard of a campaign: that with the largest epoch.
   std::vector<Presence> Matching(PresenceKind kind, const Selector& selector);
-  /// True when none of those is `id`, but another one is there.
-  bool Replaced(PresenceKind kind, const Selector& selector, const std::string& id);
+  /// True when none of those is `id`, but another one of `user` is there: a name may be another user's, too, and what
+  /// followed one user's does not go on with another's (that is logged, once for each). "": whoever's.
+  bool Replaced(PresenceKind kind, const Selector& selector, const std::string& id, const std::string& user);
 
   /// Waits (or for a stop request) until those who were there first are known: 0.3 s after opening; under security 0.3
   /// s after all that are seen have been authenticated, 3.3 s at most. Then that nobody fits means something.

@@ -237,7 +237,8 @@ struct Observation {
   std::vector<double> intrinsics;  ///< of the picture, px: fx, fy, cx, cy; empty: not said
   /// Camera frame C in world W: p_WC (m), then q_WC as w, x, y, z; C as in services/episode/camera.h. Empty: not said.
   std::vector<double> camera_pose;
-  std::string host;  ///< Participant::address(): in whose partition the client reads the action
+  std::string host;    ///< Participant::address(): in whose partition the client reads the action
+  std::string server;  ///< Presence::instance of the policy server that is asked; "": whichever serves the run
 };
 
 /// Why an observation is not answered with waypoints.

@@ -344,6 +344,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
   ETUDE_FIELD_UP_TO(intrinsics, 4);
   ETUDE_FIELD_UP_TO(camera_pose, 7);
   ETUDE_FIELD(host);
+  ETUDE_FIELD(server);
 }
 
 template <class F, class M, class W>

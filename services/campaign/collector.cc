@@ -175,7 +175,10 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   const std::uint64_t epoch = presence.presence().epoch;
   // before anything is committed, files may still be mended: what failed before is tried again
   const bool begun = !sink->committed().empty();
-  if (!begun) ETUDE_RETURN_IF_ERROR(ForgetFailures(sink->folder()));
+  if (!begun) {
+    ETUDE_RETURN_IF_ERROR(ForgetFailures(sink->folder()));
+    sink->ForgetFailures();
+  }
   const History history = ReadHistory(sink->folder(), spec);
   LeaseTable table = MakeTable(spec, *sink, history, options, epoch);
   ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(sink->folder(), spec));

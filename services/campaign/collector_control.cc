@@ -360,12 +360,21 @@ void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
 
 // True when it is for this campaign and new: its answer is the next status.
 bool Collector::Impl::OnControl(const bus::CampaignControl& control) {
+  constexpr std::size_t kMostControls = 256;  // that are remembered
   if (control.campaign_id != id || control.control_id.empty()) return false;
   if (control.action == bus::ControlAction::kFilterKey) return OnKeyWish(control);
   const MutexLock lock(mutex);
   if (control.control_id == control_id) return true;
+  // one that came before another one, and whose sender has not heard its answer yet
+  if (const auto known = answered_controls.find(control.control_id); known != answered_controls.end()) {
+    control_id = control.control_id;
+    control_refusal = known->second;
+    return true;
+  }
+  if (answered_controls.size() >= kMostControls) answered_controls.clear();
   control_id = control.control_id;
   control_refusal = Follow(control.action);
+  answered_controls[control_id] = control_refusal;
   const char* const names[] = {"pause", "drain", "resume", "stop"};
   Log().info("{} asked by {}@{}{}", names[static_cast<int>(control.action)], control.user, control.host,
              control_refusal.empty() ? "" : ": refused: " + control_refusal);

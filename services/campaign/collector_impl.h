@@ -8,6 +8,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
 #include <set>
 #include <thread>
@@ -108,6 +109,7 @@ struct Collector::Impl {
   Leasing leasing ETUDE_GUARDED_BY(mutex) = Leasing::kOn;  // as `etude campaign` asked for; a restart forgets it
   std::string control_id ETUDE_GUARDED_BY(mutex);          // of the last request that was taken
   std::string control_refusal ETUDE_GUARDED_BY(mutex);     // why it was not followed
+  std::map<std::string, std::string> answered_controls ETUDE_GUARDED_BY(mutex);  // refusal by id, of the last ones
 
   // Indices that are made durable now, and what came for them meanwhile: it is judged when the first one is settled.
   std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);

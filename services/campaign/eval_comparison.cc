@@ -98,7 +98,7 @@ void Compare(const OrderedJson& first, const OrderedJson& second, const std::str
              std::vector<std::string>& differences) {
   for (const auto& [key, value] : first.items()) {
     const std::string path = prefix + key;
-    const OrderedJson& now = second[key];
+    const OrderedJson now = second.contains(key) ? second[key] : OrderedJson();
     if (MakesNoScene(path) || path == "camera.width" || path == "camera.height") continue;
     if (prefix == "rollout." && key != "sentences") continue;
     if (value.is_object())
@@ -145,6 +145,23 @@ Status CheckSameScenes(const CampaignSpec& first, const CampaignSpec& second, co
                           other, fmt::join(differences, ", ")));
 }
 
+namespace {
+
+// What scenes and verdicts depend on beside the spec. Reports of earlier versions do not say.
+Status CheckSameRules(const OrderedJson& first, const OrderedJson& second, const std::string& other) {
+  if (!first.contains("rules") || !second.contains("rules")) return {};
+  std::vector<std::string> differences;
+  Compare(first["rules"], second["rules"], "", differences);
+  if (differences.empty()) return {};
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("'{}' was evaluated by other rules; different: {}; evaluate both again with one version of Etude "
+                  "and of the tasks' files",
+                  other, fmt::join(differences, ", ")));
+}
+
+}  // namespace
+
 Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& second) {
   ETUDE_ASSIGN_OR_RETURN(const PairRows rows, RowsOf(first));
   ETUDE_ASSIGN_OR_RETURN(const PairRows others, RowsOf(second));
@@ -181,6 +198,7 @@ Result<OrderedJson> CompareEvaluations(const Path& first, const Path& second) {
   ETUDE_ASSIGN_OR_RETURN(const Evaluation one, ReadEvaluation(first));
   ETUDE_ASSIGN_OR_RETURN(const Evaluation other, ReadEvaluation(second));
   ETUDE_RETURN_IF_ERROR(CheckSameScenes(one.spec, other.spec, second.string()));
+  ETUDE_RETURN_IF_ERROR(CheckSameRules(one.report, other.report, second.string()));
   return CompareReports(one.report, other.report);
 }
 

@@ -8,6 +8,8 @@
 
 #include "services/campaign/suite_report.h"
 #include "services/core/statistics.h"
+#include "services/spec/content_version.h"
+#include "services/spec/task_name.h"
 
 namespace etude::campaign {
 namespace {
@@ -228,6 +230,13 @@ RolloutRow RowOf(const Episode& rollout) {
   return row;
 }
 
+OrderedJson EvalRules(const CampaignSpec& spec) {
+  OrderedJson tasks = OrderedJson::object();
+  for (const auto& name : spec.tasks)
+    if (const auto task = ParseTask(name)) tasks[name] = task->spec->sha256;
+  return {{"tasks", std::move(tasks)}, {"content", kContentVersion}, {"rollout", kRolloutVersion}};
+}
+
 OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows,
                        const EvalSubject& subject) {
   Rows all;
@@ -246,6 +255,7 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
   report["overall"] = Summarise("overall", all);
   AddSuites(spec, rows, report);
   report["spec"] = ToJson(spec);
+  report["rules"] = EvalRules(spec);
   report["per_episode"] = OrderedJson::array();
   for (const auto* row : all) report["per_episode"].push_back(RowJson(*row));
   return report;

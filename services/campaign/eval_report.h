@@ -72,6 +72,10 @@ EvalSubject SubjectOf(const OrderedJson& report);
 /// m}}. What is missing or not finite is left out.
 RolloutRow RowOf(const Episode& rollout);
 
+/// What scenes and verdicts depend on beside the spec: {"tasks": {NAME: SHA-256 of its file}, "content", "rollout"},
+/// the versions of services/spec/content_version.h. Evaluations of different ones are not compared.
+OrderedJson EvalRules(const CampaignSpec& spec);
+
 /// {"per_task": [...], "overall": {...}, "per_episode": [...]}: n; by each criterion successes, their share and
 /// Wilson's low and high ("success": strict, "success_latched": the authors'); rollouts with violations, by kind, and
 /// with other objects moved; error_cm and error_before_contact_cm per module: means over rollouts of their means.

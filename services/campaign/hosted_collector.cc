@@ -20,10 +20,12 @@ Result<std::unique_ptr<HostedCollector>> HostedCollector::Start(const bus::Parti
 HostedCollector::HostedCollector(Collector collector)
     : collector_(std::move(collector)), thread_([this] {
         const Status ended = WithoutThrowing([this] { return collector_.Run(); });
-        if (ended) return;
-        Log().error("the collector stopped: {}", ended.error().message);
-        const MutexLock lock(mutex_);
-        status_ = Fail(ended.error().Wrap("the collector stopped"));
+        if (!ended) {
+          Log().error("the collector stopped: {}", ended.error().message);
+          const MutexLock lock(mutex_);
+          status_ = Fail(ended.error().Wrap("the collector stopped"));
+        }
+        ended_ = true;  // last: who sees it finds the status
       }) {}
 
 HostedCollector::~HostedCollector() {

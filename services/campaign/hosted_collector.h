@@ -2,6 +2,7 @@
 // A collector on a thread of its own, in a program that has other work: it is asked now and then how it is.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <thread>
@@ -26,11 +27,14 @@ class HostedCollector {
 
   /// Well while it runs and after it has finished; what it ended with otherwise.
   Status status() const ETUDE_EXCLUDES(mutex_);
+  /// Whether it commits nothing more. Any thread.
+  bool ended() const { return ended_; }
 
  private:
   explicit HostedCollector(Collector collector);
 
   Collector collector_;
+  std::atomic<bool> ended_{false};
   mutable Mutex mutex_;
   Status status_ ETUDE_GUARDED_BY(mutex_);
   std::thread thread_;  // last: it uses all of the above

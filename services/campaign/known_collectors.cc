@@ -55,11 +55,23 @@ Result<bool> KnownCollectors::LookAround() {
     ETUDE_ASSIGN_OR_RETURN(const auto found, directory_.FindCampaign(selector_, 1s));
     if (found.empty()) return false;
     another = !empty() && !IsOfTheCampaign(found.front());
+    if (another && !IsSameUsers(found.front())) return false;
     if (another) Forget();
     for (const auto& presence : found) ETUDE_RETURN_IF_ERROR(Know(presence));
   }
   ETUDE_RETURN_IF_ERROR(Learn());
   return another;
+}
+
+// Another user's of that name is none of ours: the one that was joined may come back.
+bool KnownCollectors::IsSameUsers(const bus::Presence& other) {
+  const bus::Presence& own = by_shard_.begin()->second->presence;
+  if (other.user == own.user) return true;
+  if (refused_.insert(other.id).second)
+    Log().warn(
+        "campaign={}@{} has gone, and {}@{} is of user {}: waiting for the first; give {}@{} to work for the other",
+        own.name, own.id, other.name, other.id, other.user, other.name, other.id);
+  return false;
 }
 
 void KnownCollectors::Forget() {
@@ -95,7 +107,8 @@ bool KnownCollectors::Complete() const {
 }
 
 bool KnownCollectors::Replaced(const std::string& id) {
-  if (!directory_.Replaced(bus::PresenceKind::kCampaign, selector_, id)) return false;
+  const std::string user = empty() ? "" : by_shard_.begin()->second->presence.user;
+  if (!directory_.Replaced(bus::PresenceKind::kCampaign, selector_, id, user)) return false;
   const auto live = Live();
   return live.empty() || std::ranges::any_of(live, [&](const bus::Presence& presence) {
            return !IsKnown(presence) || !At(presence.shard)->complete();

@@ -32,7 +32,7 @@ struct KnownCollector {
 /// One thread at a time.
 class KnownCollectors {
  public:
-  /// Of the campaign that `selector` means; with a name alone, the next one of that name once it has gone.
+  /// Of the campaign that `selector` means; with a name alone, the same user's next one of that name once it has gone.
   /// `participant` must outlive it. @error of the bus
   static Result<KnownCollectors> Open(const bus::Participant& participant, const Selector& selector);
 
@@ -54,7 +54,7 @@ class KnownCollectors {
   /// All that were ever seen are complete. False: none was.
   bool Complete() const;
   /// True when the collector `id` is not there and that of another shard with work is, or of another campaign of the
-  /// name.
+  /// name and the same user.
   bool Replaced(const std::string& id);
   bool HasGone(const std::string& id);
 
@@ -64,12 +64,14 @@ class KnownCollectors {
   bool IsKnown(const bus::Presence& presence) const;
   std::vector<bus::Presence> Live();
   Status Know(const bus::Presence& presence);
+  bool IsSameUsers(const bus::Presence& other);
   void Forget();
 
   const bus::Participant* participant_;
   Selector selector_;
   bus::Directory directory_;
   std::map<std::uint32_t, std::shared_ptr<KnownCollector>> by_shard_;
+  std::set<std::string> refused_;  // ids that another user's campaigns have
 };
 
 }  // namespace etude::campaign

@@ -29,6 +29,7 @@ class DatasetSink : public EpisodeSink {
                        const std::string& details_json) override {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
+  void ForgetFailures() override { writer_.ForgetFailures(); }
   Status WriteIndex() override { return writer_.WriteMaster(); }
   Status WriteProgress() override { return writer_.WriteProgress(); }
   Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
@@ -89,6 +90,13 @@ class EvalSink : public EpisodeSink {
       scenes_.AddFailure(index, outcome, *details);
     }
     return writer_.RecordFailure(index, attempt, outcome, details_json);
+  }
+  void ForgetFailures() override {
+    {
+      const MutexLock lock(mutex_);
+      scenes_ = SceneReport();
+    }
+    writer_.ForgetFailures();
   }
   Status WriteIndex() override {
     ETUDE_RETURN_IF_ERROR(WriteReport());

@@ -57,7 +57,7 @@ struct JoinedCampaign {
 using WorkFactory = std::function<Result<WorkFunction>(const JoinedCampaign&)>;
 
 struct WorkerOptions {
-  std::string campaign;  ///< NAME, or NAME@ID of one of several; with NAME alone the next one of that name follows
+  std::string campaign;  ///< NAME, or NAME@ID of one of several; with NAME alone the same user's next one follows
   std::string name;      ///< unique on the bus; empty: UniquePeerName()
   std::uint32_t content = kContentVersion;
   bool once = false;  ///< one attempt, then home

@@ -45,7 +45,7 @@ struct Client::Impl {
 
   Status Connect(std::chrono::nanoseconds timeout);
   bool ServerHasGone();
-  std::optional<bus::Action> Await(std::chrono::nanoseconds timeout);
+  std::optional<bus::Action> Await(std::uint64_t first, std::chrono::nanoseconds timeout);
 };
 
 // Looks for the server; nothing is connected when there is none within `timeout`.
@@ -55,14 +55,17 @@ Status Client::Impl::Connect(std::chrono::nanoseconds timeout) {
   return {};
 }
 
+// Also when a newer one of the same run is there: a process that was killed stays in the directory for a while.
 bool Client::Impl::ServerHasGone() {
-  return directory.Matching(bus::PresenceKind::kPolicy, {run.name, connection->server.id}).empty();
+  const auto live = directory.Matching(bus::PresenceKind::kPolicy, {run.name, connection->server.id});
+  return live.empty() || live.front().instance != connection->server.instance;
 }
 
-// The answer to the last observation, or nothing within `timeout`.
-std::optional<bus::Action> Client::Impl::Await(std::chrono::nanoseconds timeout) {
-  return connection->Await(
-      timeout, [&](const bus::Action& action) { return action.session == session && action.request_id == request_id; });
+// The answer to whichever try since `first`, which all ask the same; or nothing within `timeout`.
+std::optional<bus::Action> Client::Impl::Await(std::uint64_t first, std::chrono::nanoseconds timeout) {
+  return connection->Await(timeout, [&](const bus::Action& action) {
+    return action.session == session && action.request_id >= first && action.request_id <= request_id;
+  });
 }
 
 Client::Client(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -88,15 +91,17 @@ Result<Answer> Client::Ask(const Question& question) {
   std::string last = "no answer; is `etude policy` running for this run and domain?";
   Stopwatch elapsed;
   const double patience = std::chrono::duration<double>(impl.options.patience).count();
+  const std::uint64_t first = impl.request_id + 1;
   while (!StopRequested() && elapsed.Seconds() < patience) {
     if (!impl.connection) {
       ETUDE_RETURN_IF_ERROR(impl.Connect(impl.options.answer));
       continue;
     }
     observation.run_id = impl.connection->server.id;
+    observation.server = impl.connection->server.instance;
     observation.request_id = ++impl.request_id;
     if (const Status asked = impl.connection->observations.Write(observation); !asked) last = asked.error().message;
-    const auto action = impl.Await(impl.options.answer);
+    const auto action = impl.Await(first, impl.options.answer);
     if (!action) {
       if (impl.ServerHasGone()) impl.connection.reset();
       continue;

@@ -96,6 +96,7 @@ Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
   if (!connection) ETUDE_RETURN_IF_ERROR(Connect());
   observation.run = connection->talk.server.name;
   observation.run_id = connection->talk.server.id;
+  observation.server = connection->talk.server.instance;
   observation.session = name;
   observation.host = participant->address();
   const std::uint64_t first = request_id + 1;

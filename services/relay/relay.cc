@@ -9,6 +9,7 @@
 
 #include "services/bus/directory.h"
 #include "services/core/clock.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/relay/kept_checkpoints.h"
 #include "services/store/safetensors.h"
@@ -154,7 +155,10 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
     if (!run) continue;
     ETUDE_ASSIGN_OR_RETURN(auto relay, Relay::Open(participant, *run, options));
     Log().info("relaying run {} into '{}'", run->partition(), options.folder.string());
-    while (!stopping() && !directory.Replaced(bus::PresenceKind::kRun, selector, run->id)) relay.Step(kRound);
+    const auto live = directory.Matching(bus::PresenceKind::kRun, {run->name, run->id});
+    // of one that has gone already: this one relays for its own user
+    const std::string user = live.empty() ? UserName() : live.front().user;
+    while (!stopping() && !directory.Replaced(bus::PresenceKind::kRun, selector, run->id, user)) relay.Step(kRound);
   }
   return {};
 }

@@ -71,6 +71,8 @@ class DatasetWriter {
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
+  /// Takes the failures until now for not recorded: what comes back gets a line of its own, and counts anew.
+  void ForgetFailures();
   /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
   /// the lines that it lacks. Call at the end: its time grows with the dataset, and commits go on meanwhile. Everything
   /// in it is derived from the episode files, of which only those are read that the journal lacks.

@@ -81,6 +81,11 @@ Status CheckSpec(const Path& dataset, const internal::DatasetFile& found, const 
                     "folder",
                     dataset.string(), WhyHashDiffers(found.spec)));
   const CampaignSpec& made_from = found.spec;
+  if (made_from.name != now.name && now.mode == "demonstrate")
+    return Fail(Code::kInvalidArgument,
+                fmt::format("dataset '{}' is of campaign '{}', whose name is in every episode: go on with it (--set "
+                            "name={}), or collect '{}' into another folder",
+                            dataset.string(), made_from.name, made_from.name, now.name));
   const auto differences = internal::SpecDifferences(made_from, now);
   if (differences.empty()) return {};
   return Fail(Code::kInvalidArgument,
@@ -337,6 +342,12 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
   impl_->recorded.emplace(index, attempt, outcome);
   if (outcome != kRecheckMismatch) ++impl_->failures[outcome];
   return {};
+}
+
+void DatasetWriter::ForgetFailures() {
+  const MutexLock lock(impl_->mutex);
+  impl_->recorded.clear();
+  impl_->failures.clear();
 }
 
 // Reads what an earlier run committed and the journal lacks. A file that cannot be read stays out of both.

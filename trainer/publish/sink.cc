@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
+#include <regex>
 
 #include "services/core/hash.h"
 #include "services/core/link.h"
 #include "services/core/log.h"
+#include "services/core/stop.h"
 
 namespace etude::publish {
 namespace {
@@ -19,14 +22,24 @@ using checkpoint::kBest;
 using checkpoint::kLatest;
 using checkpoint::LinkOf;
 
-Path StartsFile(const Path& run_folder) { return run_folder / "checkpoints" / "starts"; }
+// Beside the id, so that it lives as long: whoever frees the disk of old checkpoints does not make new ones look old.
+Path StartsFile(const Path& run_folder) { return run_folder / "starts"; }
 
-// what WriteFileAtomically of a killed process left; the one trainer of the folder is this one
+std::uint64_t StartsIn(const Path& file) {
+  std::uint64_t starts = 0;
+  if (const auto text = ReadTextFile(file, 64)) std::from_chars(text->data(), text->data() + text->size(), starts);
+  return starts;
+}
+
+// What WriteFileAtomically and PointLink of a killed process left of a run's files; the one trainer of the folder is
+// this one. Other files there are the user's.
 void RemoveHalfWritten(const Path& folder) {
+  static const std::regex kHalf(
+      R"((config\.yaml|training_state\.safetensors|name|starts|identity\.json|[a-z0-9]+\.safetensors)\.tmp-\d+-[0-9a-f]{8})");
   std::error_code error;
   std::vector<Path> found;
   for (const auto& item : fs::directory_iterator(folder, error))
-    if (item.path().filename().string().find(".tmp-") != std::string::npos) found.push_back(item.path());
+    if (std::regex_match(item.path().filename().string(), kHalf)) found.push_back(item.path());
   for (const auto& path : found)
     if (fs::remove(path, error)) Log().info("removed '{}', left half written by a killed run", path.string());
 }
@@ -34,10 +47,27 @@ void RemoveHalfWritten(const Path& folder) {
 }  // namespace
 
 std::uint64_t NextStart(const Path& run_folder) {
-  std::uint64_t starts = 0;
-  if (const auto text = ReadTextFile(StartsFile(run_folder), 64))
-    std::from_chars(text->data(), text->data() + text->size(), starts);
-  return starts + 1;
+  // where they were counted until this version
+  const Path before = run_folder / "checkpoints" / "starts";
+  return std::max(StartsIn(StartsFile(run_folder)), StartsIn(before)) + 1;
+}
+
+Status SetCheckpointsAside(const Path& run_folder) {
+  const Path folder = run_folder / "checkpoints";
+  std::error_code error;
+  bool any = false;
+  for (const auto& item : fs::directory_iterator(folder, error)) any |= item.path().extension() == ".safetensors";
+  if (!any) return {};
+  Path aside;
+  for (int i = 1; aside.empty() || fs::exists(aside, error); ++i)
+    aside = fmt::format("{}.before-{}", folder.string(), i);
+  fs::rename(folder, aside, error);
+  if (error)
+    return Fail(Code::kUnavailable,
+                fmt::format("move '{}' aside to '{}': {}", folder.string(), aside.string(), error.message()));
+  Log().warn("'{}' has checkpoints of a run whose state is gone: they are in '{}' now", run_folder.string(),
+             aside.string());
+  return {};
 }
 
 Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIdentity& run,
@@ -118,6 +148,12 @@ Result<Kept> CheckpointSink::Save(const checkpoint::Checkpoint& made) {
   Kept kept{name.string(), Sha256Hex(bytes), {kLatest}};
   if (metadata.best) kept.channels.push_back(kBest);
   return kept;
+}
+
+void CheckpointSink::AwaitSubscribers() {
+  constexpr std::chrono::seconds kPatience{30};
+  if (publisher_ && !publisher_->AwaitTaken(StopRequested() ? std::chrono::seconds(3) : kPatience))
+    Log().warn("not everybody who follows run={} has its last checkpoint; it is in '{}'", run_.name, folder_.string());
 }
 
 Status CheckpointSink::Prune() const {

@@ -21,8 +21,12 @@ struct RunIdentity {
   std::shared_ptr<const security::CheckpointSigner> signer = {};  ///< signs what is published; none: nobody does
 };
 
-/// One more than the starts that `run_folder` has seen.
+/// One more than the starts that `run_folder` has seen (RUN/starts).
 std::uint64_t NextStart(const Path& run_folder);
+
+/// Before a run begins in a folder that has checkpoints of another one, whose state is gone: renames their folder to
+/// checkpoints.before-1 (or -2, ...), with a warning. @error kUnavailable of the disk
+Status SetCheckpointsAside(const Path& run_folder);
 
 /// A checkpoint as it lies in the run's folder.
 struct Kept {
@@ -44,6 +48,8 @@ class CheckpointSink {
   /// Under this run's name. Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
   /// does not take it is logged, not an error: the file is there and the next one will be tried.
   Result<Kept> Save(const checkpoint::Checkpoint& made);
+  /// Until those who follow the run have what was published, for half a minute at most; what they have not is logged.
+  void AwaitSubscribers();
   std::uint64_t published() const { return published_; }
 
  private:

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // etude-policy: serves checkpoints. See trainer/serve/README.md.
+#include <fmt/ranges.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
@@ -44,8 +46,9 @@ struct Arguments {
 
 // A checkpoint's file is served under an id of its own, unless one is given.
 Result<Selector> RunOfFile(const Arguments& arguments, const Model& model) {
-  const std::string text = arguments.run.empty() ? model.metadata().run : arguments.run;
-  ETUDE_ASSIGN_OR_RETURN(Selector run, ParseRun(text, "--run"));
+  ETUDE_ASSIGN_OR_RETURN(Selector run, arguments.run.empty()
+                                           ? ParseSelector(model.metadata().run, "the checkpoint's run")
+                                           : ParseRun(arguments.run, "--run"));
   if (run.id.empty()) run.id = NewId();
   return run;
 }
@@ -196,7 +199,8 @@ Status ExportTorchScript(const std::string& file, const std::string& out) {
   ETUDE_ASSIGN_OR_RETURN(const auto checkpoint, checkpoint::ReadFile(file));
   ETUDE_ASSIGN_OR_RETURN(const std::string bytes, checkpoint::ToTorchScript(checkpoint));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out, bytes));
-  fmt::print("{}: {} bytes; forward(crop, joints, token_ids) -> waypoints\n", out, bytes.size());
+  fmt::print("{}: {} bytes; forward({}) -> waypoints\n", out, bytes.size(),
+             fmt::join(checkpoint::InputNames(checkpoint.metadata.policy), ", "));
   return {};
 }
 

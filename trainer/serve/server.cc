@@ -50,12 +50,22 @@ struct Desk {
   std::unique_ptr<InsightDesk> insights;  // null: nobody may look into the policy here
 };
 
+// Who asks: several hosts may name their sessions alike.
+struct Asker {
+  std::string session, host;
+  auto operator<=>(const Asker&) const = default;
+};
+struct Asked {
+  MonotonicClock::time_point last, answered;
+};
+
 // A DDS domain whose observations are answered, by one thread.
 struct Front {
   const bus::Participant* participant = nullptr;
   bool insights = true;  // robots' domains take observations and nothing else
   std::optional<Desk> desk = {};
-  std::map<std::string, MonotonicClock::time_point> sessions = {};  // when each asked last
+  std::map<Asker, Asked> sessions = {};
+  MonotonicClock::time_point looked = MonotonicClock::now();  // until then all that had come was taken
   std::optional<Stopwatch> since_status = {};
 };
 
@@ -87,7 +97,7 @@ struct PolicyServer::Impl {
   bool Stopping() const { return stop || StopRequested(); }
 
   Status FollowRuns();
-  Status FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched);
+  Status FollowRun(bus::Directory& directory, const std::string& run_id, const std::string& user, WatchedLoop& watched);
   Status Judge(const bus::PublishedBlob& blob);
   void TakeCheckpoint(const bus::PublishedBlob& blob);
   void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
@@ -97,7 +107,8 @@ struct PolicyServer::Impl {
   void PublishStatus(Front& at);
   Status OpenDesk(Front& at, const std::string& run_id);
   bool IsOurs(const Desk& desk, const bus::Observation& observation);
-  Status AnswerAll(Front& at, const std::vector<bus::Observation>& observations);
+  void NoteAlike(const Front& at, const Asker& asker);
+  void AnswerAll(Front& at, const std::vector<bus::Observation>& observations, MonotonicClock::time_point arrived);
   void Send(Desk& desk, bus::Action& action, const std::string& host, const Latency& measured);
   Status ServeAt(Front& at);
 };
@@ -134,7 +145,7 @@ void PolicyServer::Impl::PublishStatus(Front& at) {
   const Served current = Current();
   if (!current.model || current.run_id != at.desk->run_id) return;
   const auto now = MonotonicClock::now();
-  std::erase_if(at.sessions, [&](const auto& session) { return now - session.second > kSessionSilence; });
+  std::erase_if(at.sessions, [&](const auto& session) { return now - session.second.last > kSessionSilence; });
   const checkpoint::Metadata& metadata = current.model->metadata();
   const Latency measured = latency.Now();
   bus::PolicyStatus status;
@@ -172,7 +183,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
   if (!fresh->untrained().empty()) {
     ++refused;
     NoteRefusal(fmt::format("checkpoint of step {}: not trained: {}", metadata.step, fresh->untrained()));
-    const bool stays = kept && current.run_id == run_id && kept->untrained().empty();
+    const bool stays = kept && kept->untrained().empty();
     Log().warn("refused a checkpoint run={}@{} step={}: not trained: {}; {}", options.run.name, run_id, metadata.step,
                fresh->untrained(),
                stays ? fmt::format("step {} serves on", kept->metadata().step)
@@ -191,22 +202,32 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
 Status PolicyServer::Impl::FollowRuns() {
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(*front.participant));
   WatchedLoop watched;
+  std::string unclear;  // why it is not known whom to follow
   while (!Stopping()) {
     watched.Moved();
     // a run that is named by its whole id need not be there: it may have published all it ever will
-    std::string run_id = options.run.id;
+    std::string run_id = options.run.id, user;
     if (!IsId(run_id)) {
-      ETUDE_ASSIGN_OR_RETURN(const auto found, directory.FindPublisher(options.run, 1s));
-      if (!found) continue;
-      run_id = found->id;
+      const auto found = directory.FindPublisher(options.run, 1s);
+      if (!found && Current().model) {  // what is served serves on
+        if (std::exchange(unclear, found.error().message) != found.error().message)
+          Log().warn("{}; the last checkpoint serves on", found.error().message);
+        WaitForStop(1s);
+        continue;
+      }
+      if (!found) return Fail(found.error());
+      if (!*found) continue;
+      run_id = (*found)->id;
+      user = (*found)->user;  // of a relay, where the run has ended: who keeps what it published
     }
-    ETUDE_RETURN_IF_ERROR(FollowRun(directory, run_id, watched));
+    ETUDE_RETURN_IF_ERROR(FollowRun(directory, run_id, user, watched));
   }
   return {};
 }
 
 // Until another run has taken its place.
-Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched) {
+Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id, const std::string& user,
+                                     WatchedLoop& watched) {
   ETUDE_ASSIGN_OR_RETURN(
       auto subscriber,
       bus::BlobSubscriber::Open(*front.participant, {options.run.name, run_id}, options.channel,
@@ -218,7 +239,7 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
     const auto blob = subscriber.Wait(200ms);
     CountCorrupt(subscriber.corrupt_blobs() - std::exchange(corrupt, subscriber.corrupt_blobs()));
     if (blob && blob->channel == options.channel) TakeCheckpoint(*blob);
-    if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id)) return {};
+    if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id, user)) return {};
   }
   return {};
 }
@@ -227,7 +248,7 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
 Status PolicyServer::Impl::Judge(const bus::PublishedBlob& blob) {
   if (!options.accept) return {};
   Status judged = options.accept(blob);
-  if (!judged) {
+  if (!judged && judged.error().code != Code::kUnavailable) {  // that is judged again
     ++refused;
     NoteRefusal("checkpoint: " + judged.error().message);
   }
@@ -260,11 +281,12 @@ Status PolicyServer::Impl::OpenDesk(Front& at, const std::string& run_id) {
     ETUDE_ASSIGN_OR_RETURN(insights, InsightDesk::Open(participant, partition, run_id));
   }
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
-  // several may serve one run; the newest is the one that is found
+  // several may serve one run: the newest is the one that is found, and each answers those who found it
   ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));
   at.desk.emplace(Desk{run_id, std::move(announced), bus::AddressedWriters<bus::Action>(participant, partition),
                        std::move(observations), std::move(statuses), std::move(insights)});
   at.since_status.reset();
+  at.looked = MonotonicClock::now();
   return {};
 }
 
@@ -283,52 +305,82 @@ void PolicyServer::Impl::Send(Desk& desk, bus::Action& action, const std::string
     ++answered;
 }
 
-// Who does not name a host cannot be answered.
+// Who does not name a host cannot be answered. One that asks another server of this run is answered there: two of them
+// may serve different checkpoints.
 bool PolicyServer::Impl::IsOurs(const Desk& desk, const bus::Observation& observation) {
   if (observation.run_id != desk.run_id) return false;
+  if (!observation.server.empty() && observation.server != desk.presence.presence().instance) return false;
   if (IsPlainName(observation.host)) return true;
   ++refused_observations;
   NoteRefusal("observation: it does not name its client's host");
   return false;
 }
 
-Status PolicyServer::Impl::AnswerAll(Front& at, const std::vector<bus::Observation>& observations) {
-  const Stopwatch since_arrival;
+// An observation may replace another one of its session in the middle of the bus: who shares a name with another host
+// loses answers, and is told why here.
+void PolicyServer::Impl::NoteAlike(const Front& at, const Asker& asker) {
+  // one that was silent for longer may be a process that was started again
+  const auto recently = MonotonicClock::now() - 1s;
+  const auto is_other = [&](const auto& one) {
+    return one.first.session == asker.session && one.first != asker && one.second.last > recently;
+  };
+  const auto other = std::ranges::find_if(at.sessions, is_other);
+  if (other == at.sessions.end()) return;
+  Log().warn(
+      "session '{}' asks from '{}' and from '{}': give each robot a name of its own, or one's questions replace the "
+      "other's",
+      asker.session, other->first.host, asker.host);
+}
+
+/// @param arrived  the earliest moment at which they can have come
+void PolicyServer::Impl::AnswerAll(Front& at, const std::vector<bus::Observation>& observations,
+                                   MonotonicClock::time_point arrived) {
   const Served serving = Current();
   Desk& desk = *at.desk;
-  auto& sessions = at.sessions;
   // another run has taken this one's place since: who asks goes on with its desk
-  if (serving.run_id != desk.run_id) return {};
+  if (serving.run_id != desk.run_id) return;
   // a client that asked again wants the answer to its last question only
-  std::map<std::string, const bus::Observation*> newest;
+  std::map<Asker, const bus::Observation*> newest;
   for (const auto& observation : observations)
-    if (IsOurs(desk, observation)) newest[observation.session] = &observation;
+    if (IsOurs(desk, observation)) newest[{observation.session, observation.host}] = &observation;
   std::vector<const bus::Observation*> open;
-  for (const auto& [session, observation] : newest) {
+  std::vector<MonotonicClock::time_point> since;
+  for (const auto& [asker, observation] : newest) {
+    auto known = at.sessions.find(asker);
+    if (known == at.sessions.end() && at.sessions.size() < kMostSessions) {
+      NoteAlike(at, asker);
+      known = at.sessions.try_emplace(asker).first;
+    }
+    const bool counted = known != at.sessions.end();
+    if (counted) known->second.last = MonotonicClock::now();
     open.push_back(observation);
-    if (sessions.size() < kMostSessions || sessions.contains(session)) sessions[session] = MonotonicClock::now();
+    // nobody asks the next thing before it was answered
+    since.push_back(counted ? std::max(arrived, known->second.answered) : arrived);
   }
 
   const auto& current = serving.model;
-  std::vector<bus::Action> actions(open.size());
+  const Latency measured = latency.Now();
   std::atomic<std::size_t> next{0};
+  Mutex sending;
+  // each is sent as soon as it is there: the first of many do not wait for the last
   const auto work = [&] {
-    for (std::size_t i = next++; i < open.size(); i = next++) actions[i] = current->Answer(*open[i]);
+    for (std::size_t i = next++; i < open.size(); i = next++) {
+      bus::Action action = current->Answer(*open[i]);
+      const MutexLock lock(sending);
+      Send(desk, action, open[i]->host, measured);
+      const auto now = MonotonicClock::now();
+      if (action.error.empty()) latency.Add(std::chrono::duration<double, std::milli>(now - since[i]).count());
+      if (const auto known = at.sessions.find({open[i]->session, open[i]->host}); known != at.sessions.end())
+        known->second.answered = now;
+    }
   };
   std::vector<std::thread> others;
   const std::size_t helpers = std::min(open.size(), static_cast<std::size_t>(options.threads));
   for (std::size_t t = 1; t < helpers; ++t) others.emplace_back(work);
   work();
   for (auto& thread : others) thread.join();
-
-  const Latency measured = latency.Now();
-  for (std::size_t i = 0; i < actions.size(); ++i) {
-    Send(desk, actions[i], open[i]->host, measured);
-    if (actions[i].error.empty()) latency.Add(1000 * since_arrival.Seconds());
-  }
-  if (!desk.insights) return {};
+  if (!desk.insights) return;
   for (const auto* observation : open) desk.insights->Offer(*observation, current);
-  return {};
 }
 
 PolicyServer::PolicyServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -378,7 +430,10 @@ Status PolicyServer::Impl::ServeAt(Front& at) {
     if (!at.desk || at.desk->run_id != current.run_id) ETUDE_RETURN_IF_ERROR(OpenDesk(at, current.run_id));
     auto& observations = at.desk->observations;
     const bool waiting = at.desk->actions.waiting();  // for a host that is new
-    if (observations.Wait(waiting ? 5ms : 100ms)) ETUDE_RETURN_IF_ERROR(AnswerAll(at, observations.Take()));
+    const bool there = observations.Wait(0ms);        // they came while others were answered
+    const bool came = there || observations.Wait(waiting ? 5ms : 100ms);
+    const auto before = std::exchange(at.looked, MonotonicClock::now());
+    if (came) AnswerAll(at, observations.Take(), there ? before : at.looked);
     at.desk->actions.Tidy();
     PublishStatus(at);
   }

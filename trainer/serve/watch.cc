@@ -74,7 +74,7 @@ Result<std::string> WhatIfOf(const WatchOptions& options) {
   for (const auto& text : options.say) ETUDE_RETURN_IF_ERROR(AddSaid(text, what_if));
   for (const auto& text : options.think) ETUDE_RETURN_IF_ERROR(AddThought(text, what_if));
   if (options.worth) what_if["worth"] = true;
-  return what_if.empty() ? std::string() : what_if.dump();
+  return what_if.empty() ? std::string() : JsonText(what_if);
 }
 
 Status Watch(const bus::Participant& participant, const WatchOptions& options) {

@@ -58,6 +58,24 @@ TEST(Directory, FindsByNameAndByIdAndForgetsWhoEnded) {
   EXPECT_TRUE(WaitFor([&] { return directory.Live().empty(); }));
 }
 
+// A name is free for everybody: what followed one user's run must not go on with another's.
+TEST(Directory, OnlyTheSameUsersNextOneTakesThePlaceOfOneThatHasGone) {
+  const auto peers = OpenTwo(kDomain);
+  auto directory = Directory::Open(peers.b).value();
+  const auto replaced = [&](const std::string& user) {
+    return directory.Replaced(PresenceKind::kRun, {"next", ""}, "aaaa000000000001", user);
+  };
+  Presence others = MakeRun("next", "bbbb000000000002", "/b");
+  others.user = "somebody-else";
+  const auto other = Announce(peers.a, others);
+  ASSERT_TRUE(WaitFor([&] { return directory.Live().size() == 1; }));
+  EXPECT_FALSE(replaced(UserName()));
+  EXPECT_TRUE(replaced("somebody-else"));
+  EXPECT_TRUE(replaced("")) << "whoever's";
+  const auto own = Announce(peers.a, MakeRun("next", "cccc000000000003", "/c"));
+  EXPECT_TRUE(WaitFor([&] { return replaced(UserName()); }));
+}
+
 TEST(Directory, CheckpointsComeFromTheRunOrWhereItIsNotThereFromARelay) {
   const auto peers = OpenTwo(kDomain);
   auto directory = Directory::Open(peers.b).value();

@@ -9,7 +9,10 @@
 #include <tuple>
 
 #include "services/campaign/eval_report.h"
+#include "services/core/file.h"
 #include "services/core/rng.h"
+#include "services/spec/content_version.h"
+#include "services/spec/task_name.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
@@ -46,6 +49,29 @@ std::vector<std::uint64_t> Counts(const OrderedJson& row) {
   for (const char* key : {"n", "both", "only_first", "only_second", "neither"})
     counts.push_back(row[key].get<std::uint64_t>());
   return counts;
+}
+
+TEST(EvalRules, NameTheTasksFilesAndTheVersions) {
+  const OrderedJson rules = ReportOf("10")["rules"];
+  EXPECT_EQ(rules["tasks"].size(), 2u);
+  EXPECT_EQ(rules["tasks"]["pick"], ParseTask("pick")->spec->sha256);
+  EXPECT_EQ(rules["content"], kContentVersion);
+  EXPECT_EQ(rules["rollout"], kRolloutVersion);
+}
+
+// the same name, another criterion: their difference says nothing of the policies
+TEST(CompareEvaluations, RefusesThoseThatWereJudgedByOtherRules) {
+  const TemporaryFolder folder;
+  OrderedJson other = ReportOf("1100");
+  ASSERT_THAT(WriteFileAtomically(folder / "a/eval.json", ReportOf("1000").dump()), IsOk());
+  ASSERT_THAT(WriteFileAtomically(folder / "b/eval.json", other.dump()), IsOk());
+  EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), IsOk());
+  other["rules"]["tasks"]["push"] = "another file";
+  ASSERT_THAT(WriteFileAtomically(folder / "b/eval.json", other.dump()), IsOk());
+  EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), MessageHas("tasks.push"));
+  other.erase("rules");
+  ASSERT_THAT(WriteFileAtomically(folder / "b/eval.json", other.dump()), IsOk());
+  EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), IsOk()) << "of an earlier version, which does not say";
 }
 
 TEST(CompareReports, CountsPairsPerTaskAndOverall) {

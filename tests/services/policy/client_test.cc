@@ -41,6 +41,7 @@ class FakeServer {
   std::atomic<int> asked{0};
   bus::Observation last;  // read after its answer
   std::string rotation = kRotationFormat;
+  std::atomic<std::uint64_t> late{0};          // answers of this many first questions come with the next one's
   bus::Refusal refusal = bus::Refusal::kNone;  // set before the first question
 
  private:
@@ -60,9 +61,13 @@ class FakeServer {
     const auto waypoint = ToVector(Waypoint{});
     for (int k = 0; k < kWaypoints; ++k)
       action.waypoints.insert(action.waypoints.end(), waypoint.begin(), waypoint.end());
-    EXPECT_TRUE(actions_.Write(action));
+    held_.push_back(action);
+    if (late > 0) return void(--late);
+    for (const auto& one : held_) EXPECT_TRUE(actions_.Write(one));
+    held_.clear();
   }
 
+  std::vector<bus::Action> held_;
   bus::Announcement presence_;
   bus::Writer<bus::Action> actions_;
   bus::Reader<bus::Observation> observations_;
@@ -98,6 +103,28 @@ TEST_F(PolicyClient, IsAnsweredByTheServerOfItsRunAndNoOther) {
   EXPECT_EQ(answer.error().code, Code::kInvalidArgument);
   for (const char* text : {kOne, kOther, "NAME@ID"})
     EXPECT_NE(answer.error().message.find(text), std::string::npos) << answer.error().message;
+}
+
+// a server that needs longer than the client's patience for one try answers the question all the same
+TEST_F(PolicyClient, TakesTheAnswerToAnEarlierTry) {
+  FakeServer server(participant_, "slow", kOne, 7);
+  server.late = 2;
+  auto client = Client::Open(participant_, std::string("slow@") + kOne, bus::UniquePeerName(),
+                             {.answer = 200ms, .patience = 20s});
+  ASSERT_TRUE(client);
+  const auto answer = client->Ask(MakeQuestion());
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_EQ(answer->checkpoint_step, 7u);
+  EXPECT_EQ(server.asked, 3);
+}
+
+// two servers of one run may serve different checkpoints: a robot is not driven by both
+TEST_F(PolicyClient, NamesTheServerThatItAsks) {
+  FakeServer server(participant_, "named", kOne, 1);
+  auto client = OpenClient(std::string("named@") + kOne);
+  ASSERT_TRUE(client);
+  ASSERT_TRUE(client->Ask(MakeQuestion()));
+  EXPECT_EQ(server.last.server.size(), 16u);
 }
 
 TEST_F(PolicyClient, GoesOnWithTheNextServerOfItsName) {

@@ -210,6 +210,27 @@ TEST(DatasetWriter, RefusesADamagedDescription) {
   EXPECT_THAT(DatasetWriter::Open(folder.path(), SyntheticSpec()), HasCode(Code::kCorrupt));
 }
 
+// the name is in every episode: half of them under another one are of no spec
+TEST(DatasetWriter, RefusesToGoOnUnderAnotherCampaignsName) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec();
+  ASSERT_THAT(OpenWith(folder.path(), spec, 1), IsOk());
+  spec.name += "_2";
+  EXPECT_THAT(DatasetWriter::Open(folder.path(), spec), MessageHas("whose name is in every episode"));
+}
+
+// before, what came back in the same way had no line, and was tried all over again after the next start
+TEST(DatasetWriter, WhatWasForgottenIsRecordedAgain) {
+  const TemporaryFolder folder;
+  auto writer = OpenWith(folder.path(), SyntheticSpec(), 0);
+  ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+  writer->ForgetFailures();
+  ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+  ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+  const std::string text = Slurp(folder / "attempts.jsonl");
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2);
+}
+
 TEST(DatasetWriter, RecordsEveryFailedAttemptOnce) {
   const TemporaryFolder folder;
   const CampaignSpec spec = SyntheticSpec();

@@ -42,7 +42,8 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
 
   EXPECT_EQ(Files(folder / "checkpoints"),
             (std::set<std::string>{"00000002.safetensors", "00000005.safetensors", "00000006.safetensors",
-                                   "latest.safetensors", "best.safetensors", "starts"}));
+                                   "latest.safetensors", "best.safetensors"}));
+  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints", "starts"}));
   EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/latest.safetensors").value().metadata.step, 6u);
   EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/best.safetensors").value().metadata.step, 2u);
 }
@@ -101,15 +102,39 @@ TEST(CheckpointSink, PublishesWhatSomebodyPromoted) {
 
 TEST(CheckpointSink, RemovesWhatAKilledRunLeftHalfWritten) {
   const TemporaryFolder folder;
-  for (const char* name : {"checkpoints/00000100.safetensors.tmp-4711", "training_state.safetensors.tmp-4711",
-                           "config.yaml.tmp-12", "checkpoints/00000050.safetensors"})
+  for (const char* name : {"checkpoints/00000100.safetensors.tmp-4711-00aa11ff",
+                           "training_state.safetensors.tmp-4711-00aa11ff", "config.yaml.tmp-12-00000000",
+                           "checkpoints/00000050.safetensors", "backup.tmp-2024.tar", "policy.pt.tmp-4711-00aa11ff"})
     ASSERT_TRUE(WriteFileAtomically(folder / name, "half"));
 
   const auto sink = CheckpointSink::Open(folder.path(), {"demo", "", 1}, nullptr);
 
   ASSERT_TRUE(sink) << sink.error().message;
-  EXPECT_EQ(Files(folder / "checkpoints"), (std::set<std::string>{"00000050.safetensors", "starts"}));
-  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints"}));
+  EXPECT_EQ(Files(folder / "checkpoints"), (std::set<std::string>{"00000050.safetensors"}));
+  EXPECT_EQ(Files(folder.path()),
+            (std::set<std::string>{"checkpoints", "starts", "backup.tmp-2024.tar", "policy.pt.tmp-4711-00aa11ff"}))
+      << "what others wrote, or are writing, is theirs";
+}
+
+// versions grow over the starts of a run, also where somebody frees the disk between two of them
+TEST(NextStart, GrowsThoughTheCheckpointsAreTakenAway) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(WriteFileAtomically(folder / "checkpoints/starts", "4"));  // where earlier versions counted
+  ASSERT_EQ(NextStart(folder.path()), 5u);
+  ASSERT_TRUE(CheckpointSink::Open(folder.path(), {"demo", "", 5}, nullptr));
+  std::filesystem::remove_all(folder / "checkpoints");
+  EXPECT_EQ(NextStart(folder.path()), 6u);
+}
+
+TEST(SetCheckpointsAside, LeavesANewRunNoneOfAnotherOnes) {
+  const TemporaryFolder folder;
+  EXPECT_TRUE(SetCheckpointsAside(folder.path()));
+  for (const char* text : {"first", "second"}) {
+    ASSERT_TRUE(WriteFileAtomically(folder / "checkpoints/00000100.safetensors", text));
+    ASSERT_TRUE(SetCheckpointsAside(folder.path()));
+  }
+  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints.before-1", "checkpoints.before-2"}));
+  EXPECT_EQ(ReadTextFile(folder / "checkpoints.before-2/00000100.safetensors").value(), "second");
 }
 
 }  // namespace sink_test

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <set>
 #include <thread>
 
 #include "services/bus/directory.h"
@@ -230,6 +231,49 @@ TEST(PolicyServer, AnswersEachHostInItsOwnPartition) {
   serving.join();
 }
 
+// Two servers of one run may serve different checkpoints (latest and best): a robot is not driven by both.
+TEST(PolicyServer, AnswersWhoAskedItAndNotAnotherServerOfTheRun) {
+  const auto config = policy::TinyConfig();
+  const Selector run{"serve-two", kId};
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  const auto serve = [&](std::uint64_t step) {
+    const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(config, step)).value();
+    return PolicyServer::Open(participant, {.run = run}, Model::FromBytes(bytes).value()).value();
+  };
+  auto one = serve(1), two = serve(2);
+  std::thread serving_one([&] { EXPECT_TRUE(one.Run()); }), serving_two([&] { EXPECT_TRUE(two.Run()); });
+  Client client = Client::Open(participant, run);
+  ASSERT_TRUE(client.writer.WaitForReaders(2, 30s));
+  auto directory = bus::Directory::Open(participant).value();
+  std::vector<bus::Presence> servers;
+  const auto deadline = std::chrono::steady_clock::now() + 20s;
+  while (servers.size() < 2 && std::chrono::steady_clock::now() < deadline) {
+    servers = directory.Live();
+    std::erase_if(servers, [&](const auto& presence) { return presence.name != run.name; });
+  }
+  ASSERT_EQ(servers.size(), 2u);
+
+  std::set<std::uint64_t> steps;
+  std::uint64_t request = 0;
+  for (const auto& server : servers) {
+    std::set<std::uint64_t> of_server;
+    for (int i = 0; i < 5; ++i) {
+      auto observation = ExampleObservation(++request, run.name, kId);
+      observation.server = server.instance;
+      of_server.insert(client.Ask(observation).checkpoint_step);
+    }
+    EXPECT_EQ(of_server.size(), 1u);
+    steps.merge(of_server);
+  }
+  EXPECT_EQ(steps, (std::set<std::uint64_t>{1, 2}));
+  one.Stop();
+  two.Stop();
+  serving_one.join();
+  serving_two.join();
+  EXPECT_EQ(one.answered(), 5u);
+  EXPECT_EQ(two.answered(), 5u);
+}
+
 // A run that was begun anew counts its versions from the start; its subscribers used to take them for old.
 TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
   const TemporaryFolder folder;
@@ -265,6 +309,42 @@ TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
   const auto action = client.Ask(observation);
   EXPECT_EQ(action.checkpoint_step, 1u);
   EXPECT_EQ(action.run_id, "bbbb000000000002");
+  server.Stop();
+  serving.join();
+}
+
+// before, a run that had only begun took the robots from a trained policy when that one's run ended
+TEST(PolicyServer, ARunThatMayNotDriveYetTakesNoPlaceOfAnotherRunThatMay) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  const std::string run = "serve-young";
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  const auto begin = [&](const std::string& id, const char* where, const checkpoint::Checkpoint& made) {
+    auto presence = bus::Announcement::Open(
+        participant, bus::MakePresence(bus::PresenceKind::kRun, run, id, folder / where), Claim::kRefuse);
+    EXPECT_TRUE(presence) << presence.error().message;
+    auto sink = publish::CheckpointSink::Open(folder / where, {run, id, 1}, &participant).value();
+    EXPECT_TRUE(sink.Save(made));
+    return std::pair(std::move(*presence), std::move(sink));
+  };
+  auto server = PolicyServer::Open(participant, {.run = {run, ""}}, nullptr).value();
+  ASSERT_TRUE(server.Follow());
+  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+  const auto deadline = std::chrono::steady_clock::now() + 30s;
+  {
+    const auto trained = begin("aaaa000000000001", "trained", checkpoint::ExampleCheckpoint(config, 3));
+    while (server.checkpoint_step() != 3 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+  }
+  auto early = checkpoint::ExampleCheckpoint(config, 1);
+  early.metadata.modules["CTRL"] = {};
+  const auto young = begin("bbbb000000000002", "young", early);
+  while (server.refused_checkpoints() < 1 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+
+  EXPECT_EQ(server.refused_checkpoints(), 1u);
+  EXPECT_EQ(server.checkpoint_step(), 3u);
+  Client client = Client::Open(participant, {run, "aaaa000000000001"});
+  ASSERT_TRUE(client.WaitForServer());
+  EXPECT_EQ(client.Ask(ExampleObservation(1, run, "aaaa000000000001")).checkpoint_step, 3u);
   server.Stop();
   serving.join();
 }
