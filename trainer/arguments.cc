@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "services/core/config.h"
 #include "services/core/run_name.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/policy/policy_file.h"
@@ -21,7 +22,7 @@ namespace {
 std::vector<std::string> Overrides(const Arguments& arguments) {
   std::vector<std::string> overrides;
   if (!arguments.init.empty()) {
-    overrides.push_back("init.from=" + OrderedJson(arguments.init).dump());
+    overrides.push_back("init.from=" + JsonText(arguments.init));
     if (arguments.config.empty()) overrides.push_back("policy=checkpoint");
   }
   for (const auto& [key, names] : {std::pair{"add", &arguments.add},
@@ -29,7 +30,7 @@ std::vector<std::string> Overrides(const Arguments& arguments) {
                                    {"init.fresh", &arguments.fresh},
                                    {"init.freeze", &arguments.freeze},
                                    {"init.like", &arguments.like}})
-    if (!names->empty()) overrides.push_back(fmt::format("{}={}", key, OrderedJson(*names).dump()));
+    if (!names->empty()) overrides.push_back(fmt::format("{}={}", key, JsonText(*names)));
   overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
   return overrides;
 }
@@ -94,6 +95,9 @@ Status Complete(const CLI::App& app, int argc, const char* const* argv, Argument
     arguments.data = {(Path(arguments.out) / "dataset").string()};
   if (arguments.data.empty() || arguments.out.empty())
     return Fail(Code::kInvalidArgument, "give --data DATASET or --collect SPEC, and --out RUN (see --help)");
+  for (const std::string& word : arguments.words)
+    if (!IsUtf8(word))
+      return Fail(Code::kInvalidArgument, fmt::format("'{}': not UTF-8, which config.yaml has to be", word));
   std::set<Path> folders;
   for (const std::string& folder : arguments.data) {
     std::error_code error;

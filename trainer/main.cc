@@ -84,6 +84,7 @@ Result<std::shared_ptr<data::Dataset>> OpenDataset(const std::vector<std::string
 struct Surroundings {
   const bus::Participant* participant = nullptr;  ///< none: offline
   std::function<Status()> source;
+  std::function<bool()> over;  ///< whether its collector has ended
   std::shared_ptr<learn::Ranks> ranks;
   torch::Device device = torch::kCPU;
 };
@@ -117,8 +118,23 @@ Status BeforeTraining(Error error) {
   return {};
 }
 
+// But for what the run itself begins with.
+Status SetCheckpointsAside(const Arguments& arguments) {
+  std::error_code error;
+  const Path init = std::filesystem::weakly_canonical(arguments.init, error);
+  const Path own = std::filesystem::weakly_canonical(Path(arguments.out) / "checkpoints", error);
+  if (!arguments.init.empty() && init.parent_path() == own)
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("--init '{}' lies in the folder of checkpoints that the run in '{}' would write: give another "
+                    "--out",
+                    arguments.init, arguments.out));
+  return publish::SetCheckpointsAside(arguments.out);
+}
+
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
                Telemetry& telemetry, const Surroundings& around) {
+  if (!arguments.resume) ETUDE_RETURN_IF_ERROR(SetCheckpointsAside(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
@@ -131,9 +147,11 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
     hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };
   learn::RunOptions options = OptionsOf(arguments, around);
   options.source = around.source;
+  options.over = around.over;
   auto trainer = learn::Trainer::Create(config, std::move(dataset), options, hooks);
   if (!trainer) return BeforeTraining(std::move(trainer).error());
   ETUDE_RETURN_IF_ERROR((*trainer)->Run());
+  sink.AwaitSubscribers();
   return telemetry.status();
 }
 
@@ -222,11 +240,22 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Togeth
   Log().info("run {}@{} in '{}', data {}, {}, on {}", run, telemetry.run().id, arguments.out, dataset->text(),
              policy::DescribeTorch(), device.str());
   return TrainOn(std::move(dataset), arguments, config, telemetry,
-                 {participant ? &*participant : nullptr, source, together.ranks, device});
+                 {.participant = participant ? &*participant : nullptr,
+                  .source = source,
+                  .over = [&collector] { return collector && collector->ended(); },
+                  .ranks = together.ranks,
+                  .device = device});
+}
+
+Status CheckRank(const Arguments& arguments) {
+  if (arguments.rank < arguments.ranks) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("--rank {}: --ranks has to say of how many, more than {}", arguments.rank, arguments.rank));
 }
 
 // What would be refused hours later, where a run waits for its data. Nothing is written.
 Status Check(const Arguments& arguments) {
+  ETUDE_RETURN_IF_ERROR(CheckRank(arguments));
   ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto config, ReadConfig(arguments));
   ETUDE_RETURN_IF_ERROR(RunName(arguments));
@@ -237,9 +266,7 @@ Status Check(const Arguments& arguments) {
 }
 
 Status Train(const Arguments& arguments) {
-  if (arguments.rank >= arguments.ranks)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--rank {}: --ranks has to say of how many, more than {}", arguments.rank, arguments.rank));
+  ETUDE_RETURN_IF_ERROR(CheckRank(arguments));
   const bool leads = arguments.rank <= 0;
   if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   RestartWith([arguments] { return GoingOn(arguments); });

@@ -26,8 +26,9 @@ if(ETUDE_SANITIZE)
     $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(etude_options INTERFACE -fsanitize=${ETUDE_SANITIZE})
 endif()
-# Instrumented tests take long to optimize, and what they test takes long without.
-set(ETUDE_TEST_OPTIONS "")
+# What is tested is optimized, but for inline functions and templates of headers, of which the linker may take a test's copy;
+# tests are not: half of the time of compiling them would go into that.
+set(ETUDE_TEST_OPTIONS $<$<CONFIG:Release>:-O0>)
 if(ETUDE_SANITIZE MATCHES "address")
   set(ETUDE_TEST_OPTIONS -O0)
 endif()
@@ -55,7 +56,7 @@ if(ETUDE_PCH)
   if(ETUDE_DEV)
     etude_add_precompiled_headers(etude_test_pch LIBS GTest::gmock
                                   HEADERS ${ETUDE_COMMON_HEADERS} <gmock/gmock.h> <gtest/gtest.h>)
-    target_compile_options(etude_test_pch PRIVATE $<$<CONFIG:Release>:-O1> ${ETUDE_TEST_OPTIONS})
+    target_compile_options(etude_test_pch PRIVATE ${ETUDE_TEST_OPTIONS})
   endif()
 endif()
 function(etude_use_precompiled_headers target headers)
@@ -106,10 +107,7 @@ function(etude_add_test name)
   target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS} GTest::gmock GTest::gtest_main)
   target_link_options(${name} PRIVATE $<$<BOOL:${ETUDE_LINKER_GOLD}>:-fuse-ld=gold>)
   etude_use_precompiled_headers(${name} etude_test_pch)
-  # what is tested is optimized, its tests are not: they compile in half the time (torch's header is precompiled as it is)
-  target_compile_options(${name} PRIVATE
-    $<$<AND:$<CONFIG:Release>,$<NOT:$<BOOL:$<TARGET_PROPERTY:ETUDE_TORCH>>>>:-O1>
-    $<$<NOT:$<BOOL:$<TARGET_PROPERTY:ETUDE_TORCH>>>:${ETUDE_TEST_OPTIONS}>)
+  target_compile_options(${name} PRIVATE ${ETUDE_TEST_OPTIONS})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
   set_tests_properties(${name} PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}

@@ -352,6 +352,20 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   return surgeon.Done();
 }
 
+Status CheckSurgery(const Checkpoint& source, const SurgeryPlan& plan, const PolicyConfig& config) {
+  const Tensors none;
+  ETUDE_RETURN_IF_ERROR(Surgeon(source, plan, config, none).CheckPlan());
+  const Names theirs = policy::PartsOf(source.metadata.policy);
+  for (const auto& part : plan.copy)
+    if (!Contains(theirs, part))
+      return Fail(Code::kInvalidArgument, fmt::format("init.copy: '{}': the checkpoint has no such part", part));
+  for (const auto& part : plan.freeze)
+    if (!Contains(theirs, part) || Contains(plan.fresh, part) || (!plan.copy.empty() && !Contains(plan.copy, part)))
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("init.freeze: '{}' begins anew: nothing was learned yet that could be kept", part));
+  return CheckFreeze(config, plan.freeze);
+}
+
 Status CheckFreeze(const PolicyConfig& config, const std::vector<std::string>& freeze) {
   const Names problems = MovedByAttention(config, freeze);
   if (problems.empty()) return {};

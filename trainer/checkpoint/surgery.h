@@ -48,6 +48,10 @@ struct Surgery {
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 
+/// Of that what needs neither the network nor its data: names that are no parts, copies of what the checkpoint has not,
+/// frozen parts that would begin anew, and CheckFreeze. @error as Operate
+Status CheckSurgery(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config);
+
 /// That what is frozen stays what it is: a module computes with the attention that its level shares.
 /// @error kInvalidArgument: of frozen modules those whose shared attention learns
 Status CheckFreeze(const policy::PolicyConfig& config, const std::vector<std::string>& freeze);

@@ -102,11 +102,9 @@ torch::jit::Module Trace(policy::Policy& policy, const Question& example) {
     const auto outputs = policy.Forward(InputsOf(policy.config(), question));
     return torch::jit::Stack{policy::WaypointTensor(policy.config(), outputs).contiguous()};
   };
-  std::vector<std::string> names{"crop", "joints", "token_ids"};
-  if (example.viewpoint.defined()) names.emplace_back("viewpoint");
   const auto [state, said] = torch::jit::tracer::trace(
       example.stack(), evaluate, [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true,
-      /*force_outplace=*/false, &module, names);
+      /*force_outplace=*/false, &module, InputNames(policy.config()));
   const c10::QualifiedName name(*module.type()->name(), "forward");
   module.type()->addMethod(module._ivalue()->compilation_unit()->create_function(name, state->graph));
   return module;
@@ -121,6 +119,7 @@ OrderedJson Facts(const Metadata& metadata) {
                     {"joints", metadata.embodiment.joints},
                     {"picture", OrderedJson::array({metadata.embodiment.width, metadata.embodiment.height})},
                     {"crop", metadata.policy.image.crop},
+                    {"inputs", InputNames(metadata.policy)},
                     {"token_buckets", metadata.policy.language.buckets},
                     {"waypoints", kWaypoints},
                     {"waypoint", kWaypointNames},
@@ -173,6 +172,12 @@ Result<std::string> Write(policy::Policy& policy, const Metadata& metadata) {
 }
 
 }  // namespace
+
+std::vector<std::string> InputNames(const policy::PolicyConfig& policy) {
+  std::vector<std::string> names{"crop", "joints", "token_ids"};
+  if (policy::ReadsCamera(policy)) names.emplace_back("viewpoint");
+  return names;
+}
 
 Tensor TokenIds(const std::string& sentence, int buckets, const language::Senses* senses) {
   language::TokenizerConfig tokenizer;

@@ -31,6 +31,9 @@ inline constexpr const char* kTorchScriptFacts = "etude.json";
 /// text encoder is not in the checkpoint); kCorrupt as BuildPolicy; kInternal: of torch, or it says something else
 Result<std::string> ToTorchScript(const Checkpoint& checkpoint);
 
+/// What forward takes, in order: crop, joints, token_ids, and viewpoint where the policy reads its camera.
+std::vector<std::string> InputNames(const policy::PolicyConfig& policy);
+
 /// (W, F) int64 of a sentence, for token_ids.
 /// @param buckets  of the policy's language
 /// @param senses   of a policy whose language has them (token_senses in the facts), else nullptr

@@ -241,6 +241,11 @@ std::shared_ptr<const Snapshot> Dataset::snapshot() const {
   return snapshot_;
 }
 
+std::size_t Dataset::unread() const {
+  const MutexLock only_one(refresh_mutex_);
+  return failures_.size() + bad_files();
+}
+
 std::size_t Dataset::bad_files() const {
   const MutexLock lock(mutex_);
   return bad_files_;

@@ -100,6 +100,8 @@ class Dataset {
   std::shared_ptr<const Snapshot> snapshot() const;
   /// Files that were left out.
   std::size_t bad_files() const;
+  /// Episodes that are there and could not be read, so far.
+  std::size_t unread() const;
   static constexpr int kReadAttempts = 5;
 
  private:
@@ -111,7 +113,7 @@ class Dataset {
 
   std::vector<store::DatasetReader> readers_;
   std::vector<std::string> tasks_, objects_;
-  Mutex refresh_mutex_;
+  mutable Mutex refresh_mutex_;
   mutable Mutex mutex_;
   // by number; null: a bad file
   std::map<std::uint64_t, std::shared_ptr<const EpisodeEntry>> entries_ ETUDE_GUARDED_BY(refresh_mutex_);

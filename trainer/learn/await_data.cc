@@ -67,7 +67,7 @@ tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data:
                                        const std::string& missing) {
   return Fail(Code::kNotFound,
               fmt::format("train on {}: {} usable training and {} validation frames in {} "
-                          "episodes{}; collect more, or give --follow to wait for them",
+                          "episodes{}; collect more, or, while they are collected, give --follow to wait for them",
                           dataset.text(), snapshot.frame_count(Split::kTrain), snapshot.frame_count(Split::kValid),
                           snapshot.episodes().size(), dataset.folders() > 1 ? " (" + missing + ")" : ""));
 }
@@ -75,11 +75,20 @@ tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data:
 }  // namespace
 
 Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitOptions& options) {
+  if (options.follow)
+    for (const char* split : {"train", "valid"})
+      if (Planned(dataset, split) == 0)
+        return Fail(
+            Code::kInvalidArgument,
+            fmt::format("train on {} while it grows: its campaign plans no episode of split '{}' (split, episodes): "
+                        "training needs both train and valid",
+                        dataset.text(), split));
   const Need need = Need::Of(dataset, config, options.follow);
   std::string reported;
   auto last_change = MonotonicClock::now();
   std::size_t seen = 0;
   while (true) {
+    const bool over = options.over && options.over();  // before it is looked: what it left is then there
     ETUDE_ASSIGN_OR_RETURN([[maybe_unused]] const int added, dataset.Refresh());
     // a part of it may have been read: nothing is to be concluded from that
     if (StopRequested()) return Fail(Code::kUnavailable, fmt::format("stopped while {} was read", dataset.text()));
@@ -88,6 +97,14 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitO
     if (missing.empty()) return {};
     if (!options.follow) return NothingToTrainOn(dataset, *snapshot, missing);
     if (options.source) ETUDE_RETURN_IF_ERROR(options.source());
+    if (over) {
+      // less than was wished for, but something of each
+      if (options.alone && snapshot->frame_count(Split::kTrain) > 0 && snapshot->frame_count(Split::kValid) > 0) {
+        Log().warn("training begins with what there is, since the collection has ended: there are {}", missing);
+        return {};
+      }
+      return NothingToTrainOn(dataset, *snapshot, missing);
+    }
     if (missing != reported) Log().info("waiting for data: there are {}", missing);
     if (snapshot->episodes().size() != seen) last_change = MonotonicClock::now();
     seen = snapshot->episodes().size();

@@ -133,17 +133,23 @@ std::string WordsOf(const TrainingRun& run) {
 // A module about one object learns nothing where there is none of it, and then nothing that reads it may drive.
 Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::string>& objects) {
   const auto path = checkpoint::ControlPath(config);
+  const auto is_there = [&](const std::string& name) {
+    return std::ranges::any_of(objects,
+                               [&](const auto& object) { return object == name || ObjectNoun(object) == name; });
+  };
   for (const auto& module : config.modules) {
-    const auto entity = data::ParseEntity(module.decoder.entity);
-    if (!entity || entity->kind != data::Entity::Kind::kObject || std::ranges::find(path, module.name) == path.end())
-      continue;
-    const bool there = std::ranges::any_of(
-        objects, [&](const auto& object) { return object == entity->object || ObjectNoun(object) == entity->object; });
-    if (!there)
-      return Fail(Code::kInvalidArgument,
-                  fmt::format("policy: module {} is about '{}', which the data do not have (they have {}): give data "
-                              "with it, or a graph without that module",
-                              module.name, entity->object, fmt::join(objects, ", ")));
+    std::vector<std::string> about{module.decoder.entity};
+    for (const auto& item : module.attend) about.push_back(policy::AttendedEntity(item));
+    for (const auto& text : about) {
+      const auto entity = data::ParseEntity(text);
+      if (!entity || entity->kind != data::Entity::Kind::kObject || is_there(entity->object)) continue;
+      const std::string problem = fmt::format(
+          "policy: module {} is about '{}', which the data do not have (they have {}): give data with it, or "
+          "a graph without that module",
+          module.name, entity->object, fmt::join(objects, ", "));
+      if (std::ranges::find(path, module.name) != path.end()) return Fail(Code::kInvalidArgument, problem);
+      Log().warn("{}", problem);
+    }
   }
   return {};
 }
@@ -352,6 +358,11 @@ Result<std::optional<RunState>> StateToResume(const RunOptions& options) {
 Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics,
                     const std::optional<RunState>& state, int copies_here, TrainingRun& run) {
   ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run, statistics, copies_here));
+  std::vector<std::string> modules;
+  for (const auto& module : run.config.policy.modules) modules.push_back(module.name);
+  for (const auto& [name, goal] : run.config.curriculum.goals)
+    if (std::ranges::find(modules, name) == modules.end())
+      Log().warn("curriculum.goals: {}: the policy has no such module{}", name, Suggestion(name, modules));
   run.scheduler = std::make_unique<curriculum::Scheduler>(run.config.curriculum, Subtasks(run.config.policy));
   run.limit = RunLimit(run.config.steps, run.config.minutes);
   if (state) {
@@ -406,15 +417,21 @@ Status ShareStatistics(const RunOptions& options, data::Statistics& statistics) 
   return {};
 }
 
-// What each of several folders adds.
-void LogFolders(const data::Dataset& dataset, const data::Snapshot& snapshot) {
+// What each of several folders adds. A run that goes on is validated on the episodes that it began with.
+void LogFolders(const data::Dataset& dataset, const data::Snapshot& snapshot, const data::Snapshot& validation) {
   for (std::uint32_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder) {
-    std::map<data::Split, std::size_t> episodes;
-    for (const auto& entry : snapshot.episodes()) episodes[entry->split] += entry->folder == folder;
+    const auto of_folder = [&](const data::Snapshot& from, data::Split split) {
+      return std::ranges::count_if(from.episodes(),
+                                   [&](const auto& entry) { return entry->folder == folder && entry->split == split; });
+    };
+    const auto validated = of_folder(validation, data::Split::kValid);
     Log().info("dataset {} of {}, '{}': {} training and {} validation episodes", folder + 1, dataset.folders(),
-               dataset.path(folder).string(), episodes[data::Split::kTrain], episodes[data::Split::kValid]);
-    if (episodes[data::Split::kValid] == 0)
-      Log().warn("nothing of '{}' is validated on: it has no validation episode", dataset.path(folder).string());
+               dataset.path(folder).string(), of_folder(snapshot, data::Split::kTrain), validated);
+    if (validated == 0)
+      Log().warn("nothing of '{}' is validated on: {}", dataset.path(folder).string(),
+                 of_folder(snapshot, data::Split::kValid) == 0
+                     ? "it has no validation episode"
+                     : "this run goes on with the validation episodes that it began with");
   }
 }
 
@@ -434,8 +451,9 @@ Status CheckBeginning(const TrainConfig& config, bool resume) {
   ETUDE_RETURN_IF_ERROR(OpenTextEncoder(run));
   if (resume) return checkpoint::CheckFreeze(config.policy, config.init.freeze);
   if (config.init.from.empty()) return CheckNothingIsKept(config.init);
-  ETUDE_RETURN_IF_ERROR(checkpoint::ReadFile(config.init.from));
-  return {};
+  ETUDE_ASSIGN_OR_RETURN(const auto source, checkpoint::ReadFile(config.init.from));
+  const InitConfig& init = config.init;
+  return checkpoint::CheckSurgery(source, {init.copy, init.fresh, init.freeze, init.like}, config.policy);
 }
 
 Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
@@ -446,9 +464,13 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   run->dataset = std::move(dataset);
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
   ETUDE_RETURN_IF_ERROR(OpenTextEncoder(*run));
-  ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config, {options.follow, options.patience, options.source}));
+  ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config,
+                                  {.follow = options.follow,
+                                   .patience = options.patience,
+                                   .source = options.source,
+                                   .over = options.over,
+                                   .alone = options.ranks == nullptr}));
   const auto snapshot = run->dataset->snapshot();
-  LogFolders(*run->dataset, *snapshot);
   ETUDE_ASSIGN_OR_RETURN(auto statistics, data::ComputeStatistics(*snapshot));
   ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*run->dataset, *snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
@@ -457,6 +479,11 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run, copies));
   ETUDE_RETURN_IF_ERROR(ShareStatistics(options, statistics));
   ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, state, copies, *run));
+  LogFolders(*run->dataset, *snapshot, *run->validation);
+  if (state && !run->config.init.freeze.empty()) Log().info("frozen: {}", fmt::join(run->config.init.freeze, ", "));
+  if (!options.follow && run->dataset->unread() > 0)
+    Log().warn("{} episodes could not be read and are left out; `etude dataset check` says why",
+               run->dataset->unread());
   if (!options.ranks || options.ranks->leads()) {
     ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
     run->log = std::make_unique<MetricsLog>(std::move(opened));

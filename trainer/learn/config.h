@@ -50,12 +50,12 @@ struct EvalConfig {
 };
 
 struct CheckpointConfig {
-  int every_steps = 500;  ///< besides the end, every new stage and every new best
+  int every_steps = 500;  ///< besides the end, stages that validation ends and, in the last one, every new best
   int keep = 3;           ///< newest files kept, besides the best
 
   void Visit(auto& v) {
     v("every_steps", every_steps, "steps",
-      "between two checkpoints, besides the end, every new stage and every new best");
+      "between two checkpoints, besides the end, stages that validation ends and, in the last one, every new best");
     v("keep", keep, "-", "newest files kept, besides the best");
   }
 };

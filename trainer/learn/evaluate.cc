@@ -62,24 +62,23 @@ void AddDecoder(const policy::PolicyConfig& config, const policy::ModuleConfig& 
 // Is the most attended image token the one that shows the label's pixel? Of a set: the pixel of any member; where none
 // is in the picture there is no right place.
 void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Inputs& inputs,
-                  const policy::Labels& labels, std::pair<int, int> grid, Sums& sums) {
+                  const policy::Labels& labels, const policy::TokenGrid& grid, Sums& sums) {
   std::string entity;
   for (const std::string& item : module.attend)
     if (entity.empty()) entity = policy::AttendedEntity(item);
   if (entity.empty() || !output.attention.defined()) return;
   const policy::Target target = policy::FindTarget(labels, entity + ".pixel");
   if (!target.value.defined()) return;
-  const auto [rows, columns] = grid;
+  const int rows = grid.rows, columns = grid.columns;
   if (output.attention.size(-1) < static_cast<std::int64_t>(rows) * columns) return;
   const auto best = output.attention.index({"...", Slice(0, rows * columns)}).argmax(-1);
   // (B, S, members, 2)
   const bool set = target.value.dim() == 4;
   const auto pixel = set ? target.value : target.value.unsqueeze(2);
   const auto in_crop = pixel - inputs.crop_origin.unsqueeze(1).unsqueeze(1);
-  const double patch_w = static_cast<double>(inputs.images.size(3)) / columns;
-  const double patch_h = static_cast<double>(inputs.images.size(2)) / rows;
-  const auto column = (in_crop.index({"...", 0}) / patch_w).floor(),
-             row = (in_crop.index({"...", 1}) / patch_h).floor();
+  // as the loss has it: the last tokens may stand over the picture's edge
+  const auto column = (in_crop.index({"...", 0}) / grid.stride).floor(),
+             row = (in_crop.index({"...", 1}) / grid.stride).floor();
   const auto inside =
       (set ? target.valid : target.valid.unsqueeze(2)) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows);
   const auto hit = (inside & (best.unsqueeze(2) == (row * columns + column).to(torch::kInt64))).any(2);
@@ -187,8 +186,12 @@ std::map<std::string, Asked> AskedOf(const language::Grammar& grammar, const std
     return std::find(objects.begin(), objects.end(), object) != objects.end();
   };
   std::map<std::string, Asked> asked;
+  const auto has = [&](const std::string& task) {
+    return std::ranges::any_of(tasks, [&](const auto& text) { return text.substr(0, text.find('+')) == task; });
+  };
   for (const auto& sentence : language::HeldOutSentences())
-    if (known(sentence.object)) asked["unseen"].Add(sentence.text, sentence.object, sentence.task);
+    if (known(sentence.object) && has(sentence.task))
+      asked["unseen"].Add(sentence.text, sentence.object, sentence.task);
   for (const auto& phrase : language::HeldOutNounPhrases())
     if (known(phrase.object)) asked["phrases"].Add("push " + phrase.text, phrase.object, "push");
   asked["noisy"] = DrawnSentences(grammar, tasks, objects, language::Style::kNoisy, false);
@@ -199,7 +202,8 @@ std::map<std::string, Asked> AskedOf(const language::Grammar& grammar, const std
 }  // namespace
 
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
-                                               const std::vector<std::string>& tasks) {
+                                               const std::vector<std::string>& tasks,
+                                               const std::vector<std::string>& nouns) {
   const policy::PolicyConfig& config = policy.config();
   const auto* object = LanguageModule(config, "target.class");
   const auto* task = LanguageModule(config, "command.task");
@@ -210,9 +214,12 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   const auto note = [&](const policy::ModuleConfig* module, const std::string& what, const auto& accuracy) {
     if (accuracy) metrics[module->name + "." + what] = *accuracy;
   };
-  for (const auto& [what, asked] : AskedOf(grammar, tasks, config.objects)) {
+  for (const auto& [what, asked] : AskedOf(grammar, tasks, nouns)) {
     if (object) note(object, what, Accuracy(policy, *object, asked.sentences, asked.objects, config.objects));
-    if (task) note(task, what, Accuracy(policy, *task, asked.sentences, asked.tasks, config.tasks));
+    // phrases are pushed
+    const bool of_these =
+        what != "phrases" || std::ranges::any_of(tasks, [](const auto& text) { return text.starts_with("push"); });
+    if (task && of_these) note(task, what, Accuracy(policy, *task, asked.sentences, asked.tasks, config.tasks));
   }
   policy.train();
   return metrics;
@@ -266,6 +273,7 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
 Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
                             const std::vector<data::Sample>& samples, int level, int batch) {
   Sums sums;
+  const policy::TokenGrid grid(policy.config().image);
   double loss = 0;
   std::size_t measured = 0;
   const auto measure = [&](const std::vector<data::Sample>& chunk, const Part& part, const policy::Outputs& outputs) {
@@ -276,7 +284,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
       const auto output = outputs.find(module.name);
       if (output == outputs.end()) continue;
       AddDecoder(policy.config(), module, output->second, part.labels, sums);
-      AddAttention(module, output->second, part.inputs, part.labels, policy.grid(), sums);
+      AddAttention(module, output->second, part.inputs, part.labels, grid, sums);
     }
   };
   ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));

@@ -52,8 +52,10 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
 ///   "LANG.phrases" noun phrases of its Table 8, pushed
 ///   "LANG.noisy"   wordings like those of training, with typing errors, drawn from a seed of their own
 ///   "LANG.clauses" with something to keep off: what modules that are added later need of this one
-/// by the modules' own names ("TASK.unseen"). Empty for a policy that has no such head which reads language alone.
+/// by the modules' own names ("TASK.unseen"). Only about `tasks` and `nouns` (ObjectNoun), which the data have: the
+/// heads may know more. Empty for a policy that has no such head which reads language alone.
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
-                                               const std::vector<std::string>& tasks);
+                                               const std::vector<std::string>& tasks,
+                                               const std::vector<std::string>& nouns);
 
 }  // namespace etude::learn

@@ -98,7 +98,8 @@ Status RunLimit::Restore(const OrderedJson& saved) {
   } catch (const nlohmann::json::exception& error) {
     return Fail(Code::kCorrupt, fmt::format("limit of the run: {}", error.what()));
   }
-  const bool same_minutes = minutes_ > 0 && minutes_ == other.asked_minutes_;
+  const bool same_bound = !saved.contains("asked_steps") || asked_steps_ == other.asked_steps_;
+  const bool same_minutes = minutes_ > 0 && minutes_ == other.asked_minutes_ && same_bound;
   const bool same_steps = minutes_ == 0 && steps_ == other.steps_;
   if (other.minutes_ == 0 && (same_minutes || same_steps)) *this = other;
   return {};

@@ -38,7 +38,10 @@ Status MetricsLog::WriteAdvance(const curriculum::Advance& advance, const std::s
                          {"name", stage_name},
                          {"cause", ToString(advance.cause)},
                          {"reason", advance.reason}};
-  ETUDE_RETURN_IF_ERROR(advances_.Append(line.dump()));
+  return advances_.Append(line.dump());
+}
+
+Status MetricsLog::WriteStage(const curriculum::Advance& advance, const std::string& stage_name) {
   return lines_.Append(OrderedJson{
       {"kind", "stage"},
       {"step", advance.step},

@@ -28,7 +28,9 @@ class MetricsLog {
 
   Status Write(const std::string& kind, std::uint64_t step, double elapsed_s,
                const std::map<std::string, double>& scalars);
+  /// The line of curriculum.jsonl, and the one of metrics.jsonl: each by itself, since a disk may be full between them.
   Status WriteAdvance(const curriculum::Advance& advance, const std::string& stage_name);
+  Status WriteStage(const curriculum::Advance& advance, const std::string& stage_name);
   /// @param reason  for people; of a failure its words
   Status WriteEnd(std::uint64_t step, double elapsed_s, End cause, const std::string& reason);
   Status Sync();

@@ -9,6 +9,7 @@
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
+#include "services/spec/object_names.h"
 #include "trainer/learn/await_data.h"
 #include "trainer/learn/error_cells.h"
 #include "trainer/learn/keep.h"
@@ -71,16 +72,17 @@ struct Trainer::Impl {
   Status SaveWithoutRanks(const Error& lost);
   Status Finish();
   Status NoteEnd(Status ended);
-  void LogAdvance(const std::optional<curriculum::Advance>& advance);
+  Status NoteAdvance(const std::optional<curriculum::Advance>& advance);
   void LogUnmeasured();
 };
 
-void Trainer::Impl::LogAdvance(const std::optional<curriculum::Advance>& advance) {
-  if (!advance) return;
+Status Trainer::Impl::NoteAdvance(const std::optional<curriculum::Advance>& advance) {
+  if (!advance) return {};
   Log().info("stage {} of {} ({}) at step {}: {}: {}", advance->to, run.scheduler->stages(), run.scheduler->StageName(),
              advance->step, ToString(advance->cause), advance->reason);
-  const Status written = run.log->WriteAdvance(*advance, run.scheduler->StageName());
-  if (!written) Log().warn("{}", written.error().message);
+  const std::string name = run.scheduler->StageName();
+  ETUDE_RETURN_IF_ERROR(WriteOrWait(run, "curriculum.jsonl", [&] { return run.log->WriteAdvance(*advance, name); }));
+  return WriteOrWait(run, "metrics.jsonl", [&] { return run.log->WriteStage(*advance, name); });
 }
 
 // a module that was trained by this step: its level has been reached, nothing keeps its parameters, and it had a loss
@@ -164,7 +166,11 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     auto& policy = run.replicas->front();
     ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
                                                            run.scheduler->level(), run.config.data.batch));
-    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks());
+    std::vector<std::string> nouns;  // that the data have
+    for (const auto& object : run.dataset->objects())
+      if (const std::string noun = ObjectNoun(object); std::ranges::find(nouns, noun) == nouns.end())
+        nouns.push_back(noun);
+    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), nouns);
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
   }
@@ -176,7 +182,7 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
   const int stage = run.scheduler->stage();
   const bool best = TakeBest();
   if (observe) {
-    LogAdvance(run.scheduler->Observe(run.step, run.Progress(), run.evaluation.errors));
+    ETUDE_RETURN_IF_ERROR(NoteAdvance(run.scheduler->Observe(run.step, run.Progress(), run.evaluation.errors)));
     LogUnmeasured();
   }
   // before the last stage only channel `latest` matters
@@ -194,7 +200,7 @@ Status Trainer::Impl::AfterStep() {
     run.config.minutes = 0;
   }
   if (run.step % kMetricsEvery == 0) ETUDE_RETURN_IF_ERROR(reporter.Flush());
-  LogAdvance(run.scheduler->Tick(run.step, run.Progress()));
+  ETUDE_RETURN_IF_ERROR(NoteAdvance(run.scheduler->Tick(run.step, run.Progress())));
   if (run.step % static_cast<std::uint64_t>(run.config.eval.every_steps) == 0) {
     const int stage = run.scheduler->stage();
     ETUDE_RETURN_IF_ERROR(EvaluateNow(true));

@@ -54,6 +54,8 @@ struct RunOptions {
   bool follow = false;  ///< the dataset still grows
   /// How whoever collects the data is, asked about once a second; an error ends the run with its words, saved.
   std::function<Status()> source;
+  /// Whether that has come to its end, so that no more data come; empty: unknown.
+  std::function<bool()> over;
   std::chrono::milliseconds patience{60'000};  ///< with `follow`: silence after which nothing more is expected
   /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
   std::shared_ptr<Ranks> ranks;

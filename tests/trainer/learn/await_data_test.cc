@@ -29,6 +29,33 @@ TEST(AwaitData, DoesNotFixNormalisationOnTooFewWhenTheCollectorIsSilent) {
   EXPECT_THAT(waited.error().message, HasSubstr("collector"));
 }
 
+// before, a trainer that hosts its collector waited for a year
+TEST(AwaitData, TakesWhatThereIsWhenTheCollectionHasEnded) {
+  const TemporaryFolder folder;
+  const auto dataset = TinyDataset(folder / "d", 12);  // of 20 that are planned
+  const TrainConfig config = TinyConfig({"data.min_episodes=29", "data.min_valid=1"});
+  EXPECT_FALSE(AwaitData(*dataset, config, {.follow = true, .patience = std::chrono::milliseconds(1)}));
+  EXPECT_TRUE(AwaitData(*dataset, config, {.follow = true, .over = [] { return true; }}));
+
+  const auto empty = TinyDataset(folder / "e", 0);
+  const Status waited = AwaitData(*empty, config, {.follow = true, .over = [] { return true; }});
+  ASSERT_FALSE(waited);
+  EXPECT_EQ(waited.error().code, Code::kNotFound);
+}
+
+TEST(AwaitData, RefusesACampaignThatPlansNothingToValidateOn) {
+  const TemporaryFolder folder;
+  auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.split = {1, 0, 0};
+  AddSyntheticEpisodes(folder / "d", spec, 0, 2);
+  const auto dataset = data::Dataset::Open(std::vector<Path>{folder / "d"});
+  ASSERT_TRUE(dataset) << dataset.error().message;
+  const Status waited = AwaitData(**dataset, TinyConfig(), {.follow = true});
+  ASSERT_FALSE(waited);
+  EXPECT_EQ(waited.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(waited.error().message, HasSubstr("no episode of split 'valid'"));
+}
+
 TEST(AwaitData, WaitsForBothSplits) {
   const TemporaryFolder folder;
   const auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);

@@ -97,6 +97,11 @@ TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
   EXPECT_EQ(longer.minutes(), 20);
   EXPECT_EQ(longer.steps(), 0u);
 
+  RunLimit bounded(300, 10);  // so are the same minutes with another bound
+  ASSERT_TRUE(bounded.Restore(saved));
+  EXPECT_EQ(bounded.minutes(), 10);
+  EXPECT_EQ(bounded.steps(), 300u);
+
   EXPECT_EQ(longer.Restore({{"steps", "many"}}).error().code, Code::kCorrupt);
 }
 

@@ -20,6 +20,7 @@ TEST(MetricsLog, WritesLinesThatParseEvenForNumbersJsonDoesNotHave) {
     ASSERT_TRUE(log) << log.error().message;
     ASSERT_TRUE(log->Write("train", 7, 1.5, {{"loss", std::nan("")}, {"lr", 0.1}}));
     ASSERT_TRUE(log->WriteAdvance({1, 2, 7, curriculum::Cause::kBudget, "time"}, "EE2D"));
+    ASSERT_TRUE(log->WriteStage({1, 2, 7, curriculum::Cause::kBudget, "time"}, "EE2D"));
   }
   const auto text = ReadTextFile(folder / "metrics.jsonl");
   ASSERT_TRUE(text);
