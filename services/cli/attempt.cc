@@ -32,11 +32,10 @@ Status RunWorker(const AttemptArguments& arguments) {
   for (const auto& text : arguments.overrides) options.argv.insert(options.argv.end(), {"--set", text});
   ETUDE_ASSIGN_OR_RETURN(auto worker, campaign::Process::Start(options));
   while (worker.running() && !StopRequested()) worker.Wait(std::chrono::milliseconds(100));
-  if (worker.running()) return Fail(Code::kUnavailable, "replay an attempt: stopped");
+  if (worker.running()) return Fail(Code::kExhausted, "replay an attempt: stopped");
   // the worker has said what is wrong
   if (const int code = worker.Poll().value_or(1); code != 0)
-    return Fail(code == kExitUsage ? Code::kInvalidArgument : Code::kInternal,
-                fmt::format("replay an attempt: etude-worker ended with {}", code));
+    return Fail(CodeForExit(code), fmt::format("replay an attempt: etude-worker ended with {}", code));
   return {};
 }
 

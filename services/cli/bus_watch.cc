@@ -8,6 +8,7 @@
 #include "services/bus/directory.h"
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
+#include "services/core/log.h"
 #include "services/core/stop.h"
 
 namespace etude::cli {
@@ -86,7 +87,14 @@ Status BusWatch::Impl::Find() {
     if (!IsPlainName(presence.name) || !IsId(presence.id)) continue;
     there.insert(presence.id);
     const bool campaign = presence.kind == bus::PresenceKind::kCampaign;
-    ETUDE_RETURN_IF_ERROR(campaign ? JoinCampaign(presence) : JoinRun(presence));
+    const Status joined = campaign ? JoinCampaign(presence) : JoinRun(presence);
+    // an identity of one campaign or run may not read the others
+    if (!joined && participant->secured()) {
+      (campaign ? void(view.campaigns.erase(presence.id)) : void(view.runs.erase(presence.id)));
+      Log().debug("{}@{} is left out: {}", presence.name, presence.id, joined.error().message);
+      continue;
+    }
+    ETUDE_RETURN_IF_ERROR(joined);
   }
   const auto gone = [&](const auto& item) { return !there.contains(item.first); };
   std::erase_if(campaigns, gone);

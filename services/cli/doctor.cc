@@ -73,11 +73,6 @@ Finding CheckDisk() {
   return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 2 GB", free_gb, here.string()));
 }
 
-struct DoctorArguments {
-  BusArguments bus;
-  bool as_json = false;
-};
-
 Status Doctor(const DoctorArguments& arguments) {
   int missing = 0;
   OrderedJson checks = OrderedJson::array();
@@ -110,7 +105,7 @@ void AddDoctor(CLI::App& app, Body& body) {
   auto arguments = std::make_shared<DoctorArguments>();
   command->add_flag("--json", arguments->as_json, "as JSON: a list of {check, state, text}");
   arguments->bus.Add(*command);
-  const auto* net = AddDoctorNet(*command, body);
+  const auto* net = AddDoctorNet(*command, arguments, body);
   command->callback([arguments, net, &body] {
     if (!*net) body = [arguments] { return Doctor(*arguments); };
   });

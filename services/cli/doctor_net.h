@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -40,7 +41,13 @@ nlohmann::ordered_json ToJson(const NetworkReport& report);
 /// @error kInvalidArgument: no hub, a hub that is no address or name, or a text without the elements to change
 Result<std::string> StarProfile(const std::string& cloud_xml, const std::vector<std::string>& hubs, int processes);
 
+/// What `etude doctor` and `etude doctor net` both understand, in front of `net` and behind it.
+struct DoctorArguments {
+  bus::Arguments bus;
+  bool as_json = false;
+};
+
 /// Adds `etude doctor net` below `doctor`.
-CLI::App* AddDoctorNet(CLI::App& doctor, std::function<Status()>& body);
+CLI::App* AddDoctorNet(CLI::App& doctor, std::shared_ptr<DoctorArguments> common, std::function<Status()>& body);
 
 }  // namespace etude::cli

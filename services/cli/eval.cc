@@ -176,9 +176,9 @@ Result<PolicyChoice> Follow(const bus::Participant& participant, EvalArguments& 
   ETUDE_ASSIGN_OR_RETURN(PolicyChoice choice, FollowRun(participant, arguments));
   choice.subject.run = choice.run.name;
   choice.subject.run_id = choice.run.id;
-  std::error_code ignored;
-  if (std::filesystem::is_directory(arguments.subscribe, ignored))
-    arguments.evaluation.run_folder = arguments.subscribe;
+  // a folder of that name may be another run's
+  const auto identity = ReadIdentity(arguments.subscribe);
+  if (identity && identity->id == choice.run.id) arguments.evaluation.run_folder = arguments.subscribe;
   return choice;
 }
 

@@ -136,6 +136,11 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
     WaitForStop(std::chrono::milliseconds(100));
   }
   ETUDE_RETURN_IF_ERROR(hosted->Finish());
+  // `etude campaign stop` and the like, from elsewhere
+  if (!hosted->progress().complete && !StopRequested())
+    return Fail(Code::kExhausted,
+                fmt::format("the rollouts in '{}' were stopped at {} of {}: run again to continue",
+                            options.out.string(), hosted->progress().committed, hosted->progress().total));
   const auto& failures = hosted->progress().failures;
   const auto invalid = failures.contains(campaign::kSceneInvalid) ? failures.at(campaign::kSceneInvalid) : 0;
   if (const auto lost = hosted->progress().given_up - std::min(invalid, hosted->progress().given_up); lost > 0)

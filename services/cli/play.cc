@@ -3,6 +3,7 @@
 // keeps.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include "services/cli/command_line.h"
 #include "services/cli/service.h"
 #include "services/cli/training_words.h"
+#include "services/core/command.h"
 #include "services/core/identity.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -291,6 +293,7 @@ Status StartWorker(const PlayArguments& arguments, const std::string& run, Child
   const auto flags = arguments.bus.Flags(security::Role::kWorker);
   options.argv.insert(options.argv.end(), flags.begin(), flags.end());
   options.environment = arguments.bus.Environment();
+  if (arguments.as_json) options.output = STDERR_FILENO;  // it says its name, which is no JSON
   ETUDE_ASSIGN_OR_RETURN(auto worker, campaign::Process::Start(options));
   children.worker.emplace(std::move(worker));
   return {};
@@ -303,8 +306,8 @@ Status AwaitSession(play::Client& client, const PlayArguments& arguments, Childr
     if (children.policy) ETUDE_RETURN_IF_ERROR(children.policy->Supervise());
     // the worker has said what is wrong
     if (const auto code = children.worker->Poll())
-      return Fail(*code == 2 ? Code::kInvalidArgument : Code::kUnavailable,
-                  fmt::format("open a play session: etude-worker ended with {}", *code));
+      return Fail(CodeForExit(*code),
+                  fmt::format("open a play session: etude-worker ended with {}", campaign::HowItEnded(*code)));
   }
   return Fail(Code::kTimeout, "open a play session: it does not appear");
 }
@@ -324,12 +327,24 @@ Status SayAll(const bus::Participant& participant, play::Client& client, PlayArg
   return first;
 }
 
+// A second session of one name would hear the first one's commands, and be taken for it.
+Status CheckFree(play::Client& client, const std::string& session) {
+  const auto found = client.Find(session, kAppears);
+  if (!found) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("--session '{}': it is open already, on {}; talk to it with `etude play "
+                          "say {} ...`, or give another name",
+                          session, found->host, session));
+}
+
 Status Open(PlayArguments arguments) {
-  if (arguments.session.empty()) arguments.session = "play-" + NewId().substr(0, 6);
+  const bool named = !arguments.session.empty();
+  if (!named) arguments.session = "play-" + NewId().substr(0, 6);
   if (arguments.run.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "open a play session: give either --run or --checkpoint");
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  if (named) ETUDE_RETURN_IF_ERROR(CheckFree(client, arguments.session));
   Children children;
   std::string run = arguments.run;
   ETUDE_RETURN_IF_ERROR(StartPolicy(arguments, run, children));
@@ -353,6 +368,9 @@ Status Open(PlayArguments arguments) {
     if (children.policy) ETUDE_RETURN_IF_ERROR(children.policy->Supervise());
     children.worker->Wait(250ms);
   }
+  if (const int code = children.worker->Poll().value_or(0); code != 0 && !StopRequested() && done)
+    return Fail(CodeForExit(code), fmt::format("play session {}: its worker ended with {}", arguments.session,
+                                               campaign::HowItEnded(code)));
   return done;
 }
 

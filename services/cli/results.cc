@@ -17,6 +17,7 @@
 #include "services/cli/results_table.h"
 #include "services/cli/sibling_text.h"
 #include "services/core/clock.h"
+#include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
@@ -59,13 +60,15 @@ class Maker {
 
  private:
   Result<OrderedJson> MakeReport(const ResultRow& row, std::uint64_t seed) {
-    ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
+    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, row));
     if (!row.train.runs_of.empty()) return EvaluateRunOf(row, seed);
     const Path run = RunOf(row.name, seed);
     if (!IsWholeRun(run)) {
       // asked before hours of collecting
       ETUDE_ASSIGN_OR_RETURN(const Words words, TrainingWords(row, seed, run));
       ETUDE_RETURN_IF_ERROR(CheckTraining(words));
+      // from here on there is something of it
+      ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
       ETUDE_RETURN_IF_ERROR(Collect(row));
       ETUDE_RETURN_IF_ERROR(Train(row, seed, run, words));
     }
@@ -133,10 +136,10 @@ class Maker {
     // Ctrl-C reaches both: one that ended well because it was told to is not at its end
     if (StopRequested()) {
       process.Stop(std::chrono::seconds(60));
-      return Fail(Code::kUnavailable, fmt::format("stopped in {}; begin again to go on", what));
+      return Fail(Code::kExhausted, fmt::format("stopped in {}; begin again to go on", what));
     }
     if (const int code = process.Poll().value_or(1); code != 0)
-      return Fail(Code::kInternal, fmt::format("{} ended with {}: see {}", what, code, log.string()));
+      return Fail(CodeForExit(code), fmt::format("{} ended with {}: see {}", what, code, log.string()));
     fmt::print("{}: {}\n", what, FormatDuration(watch.Seconds()));
     return {};
   }
@@ -227,9 +230,9 @@ class Maker {
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), std::move(words)));
     // a trainer that somebody stopped has ended well, too
     if (!HasFinished(run))
-      return Fail(Code::kUnavailable, fmt::format("the training in '{}' was stopped before its end: the same command "
-                                                  "goes on with it",
-                                                  run.string()));
+      return Fail(Code::kExhausted, fmt::format("the training in '{}' was stopped before its end: the same command "
+                                                "goes on with it",
+                                                run.string()));
     return WriteFileAtomically(run / kWhole, "\n");
   }
 
@@ -264,6 +267,7 @@ class Maker {
 
   Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
     ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(row, seed), CheckpointOf(run)));
+    ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
     if (auto report = ReadReport(row, seed)) return std::move(*report);
     Words words{"eval", "--checkpoint", CheckpointOf(run).string(), "--out", ReportOf(row, seed).string()};
     const Words evaluation = EvaluationOf(row.eval);
@@ -336,8 +340,13 @@ Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config)
 Status Results(const ResultsArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto config, LoadResults(arguments.file));
   ETUDE_RETURN_IF_ERROR(CheckRows(arguments, config));
-  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
+  if (table.record_file() == table.file)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--write '{}': its name is that of the records, which are kept beside "
+                            "the table as .json; give the table's, say {}",
+                            arguments.write, Path(table.file).replace_extension(".md").string()));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   Maker maker(arguments, config);
   std::optional<Error> failed;  // the first one; what does not need it is made all the same

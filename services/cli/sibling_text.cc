@@ -45,10 +45,8 @@ Result<SiblingText> AskSibling(const std::string& program, std::vector<std::stri
 Status CheckBySibling(const std::string& program, std::vector<std::string> arguments) {
   ETUDE_ASSIGN_OR_RETURN(const SiblingText answer, AskSibling(program, std::move(arguments)));
   if (answer.exit_code == kExitOk) return {};
-  const Code code = answer.exit_code == kExitUsage     ? Code::kInvalidArgument
-                    : answer.exit_code == kExitMachine ? Code::kUnavailable
-                                                       : Code::kInternal;
-  return Fail(code, answer.text.empty() ? campaign::HowItEnded(answer.exit_code) : answer.text);
+  return Fail(CodeForExit(answer.exit_code),
+              answer.text.empty() ? campaign::HowItEnded(answer.exit_code) : answer.text);
 }
 
 Result<OrderedJson> AskSiblingJson(const std::string& program, const std::vector<std::string>& arguments) {

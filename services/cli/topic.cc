@@ -12,6 +12,7 @@
 #include "services/cli/bus_watch.h"
 #include "services/cli/command_line.h"
 #include "services/core/config.h"
+#include "services/core/log.h"
 #include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/monitor/topics.h"
@@ -106,6 +107,7 @@ Status Echo(const TopicArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckTopic(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
+  std::set<std::string> refused;
   std::uint64_t printed = 0;
   for (int round = 0; !StopRequested() && std::ferror(stdout) == 0; ++round) {
     if (round % 10 == 0) {  // a new run or campaign has a partition of its own
@@ -113,7 +115,12 @@ Status Echo(const TopicArguments& arguments) {
       std::erase_if(readers, [&](const auto& item) { return std::ranges::count(partitions, item.first) == 0; });
       for (const auto& partition : partitions) {
         if (readers.contains(partition) || readers.size() >= kMostPartitions) continue;
-        ETUDE_ASSIGN_OR_RETURN(readers[partition], bus::Echo::Open(participant, arguments.topic, partition));
+        auto reader = bus::Echo::Open(participant, arguments.topic, partition);
+        // an identity of one campaign or run may not read the others
+        if (!reader && participant.secured() && refused.insert(partition).second)
+          Log().warn("'{}' is left out: {}", partition, reader.error().message);
+        if (!reader && participant.secured()) continue;
+        ETUDE_ASSIGN_OR_RETURN(readers[partition], std::move(reader));
       }
     }
     for (auto& [partition, reader] : readers)

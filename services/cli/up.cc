@@ -386,9 +386,14 @@ Status Up(const UpArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(config.out));
   ETUDE_ASSIGN_OR_RETURN(const FileLock lock,
                          FileLock::Take(Path(config.out) / ".up.lock", fmt::format("'{}' is brought up", config.out)));
-  OrderedJson resolved = ToJson(config);
-  resolved["episodes"] = spec.episodes;
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
+  // `etude up OUT/up.yaml` goes on with it
+  UpConfig resolved = config;
+  std::error_code ignored;
+  resolved.campaign = std::filesystem::absolute(config.campaign, ignored).lexically_normal().string();
+  resolved.out = std::filesystem::absolute(config.out, ignored).lexically_normal().string();
+  std::erase_if(resolved.campaign_set, [](const std::string& set) { return set.starts_with("episodes="); });
+  resolved.campaign_set.push_back(fmt::format("episodes={}", spec.episodes));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(ToJson(resolved))));
 
   const BusArguments bus{config.domain, arguments.profile, arguments.log, arguments.security};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open({security::Role::kCollector, security::Role::kGateway}));

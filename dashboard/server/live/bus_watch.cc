@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "dashboard/server/live/sample_tap.h"
 #include "services/bus/access.h"
@@ -19,6 +20,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kMostWatched = 256;
+constexpr std::size_t kMostRefused = 1000;
 constexpr std::size_t kMostWishes = 16;
 constexpr auto kWishStands = 5s;
 constexpr auto kLook = 250ms;        // messages
@@ -115,26 +117,35 @@ class Ears {
 
   void Follow(const bus::Presence& presence) {
     if (presence.wire != bus::kWireVersion || campaigns_.size() + runs_.size() >= kMostWatched) return;
+    if (refused_.contains(presence.id)) return;
     const std::string partition = bus::Owner{presence.name, presence.id}.partition();
     if (presence.kind == bus::PresenceKind::kCampaign && !campaigns_.contains(presence.id)) {
       auto readers = CampaignReaders::Open(*participant_, partition);
       if (readers)
         campaigns_.emplace(presence.id, std::move(*readers));
       else
-        Log().warn("campaign={}: {}", presence.name, readers.error().message);
+        Refuse(presence, readers.error());
     }
     if (presence.kind != bus::PresenceKind::kCampaign && !runs_.contains(presence.id)) {
       auto readers = RunReaders::Open(*participant_, partition);
       if (readers)
         runs_.emplace(presence.id, std::move(*readers));
       else
-        Log().warn("run={}: {}", presence.name, readers.error().message);
+        Refuse(presence, readers.error());
     }
+  }
+
+  // An identity of one campaign or run may not read the others: that is said once, and not tried again.
+  void Refuse(const bus::Presence& presence, const Error& error) {
+    if (refused_.size() >= kMostRefused) refused_.clear();
+    if (participant_->secured()) refused_.insert(presence.id);
+    Log().warn("{} {}@{} is left out: {}", bus::ToString(presence.kind), presence.name, presence.id, error.message);
   }
 
   const bus::Participant* participant_;
   bus::Directory directory_;
   ProcessReaders processes_;
+  std::set<std::string> refused_;  // ids
   std::map<std::string, CampaignReaders> campaigns_;
   std::map<std::string, RunReaders> runs_;
 };

@@ -74,6 +74,21 @@ TEST_F(Results, ARowThatIsDefinedAnewIsNotTakenFromItsOldFolder) {
   EXPECT_EQ(Make("10", {"--row", "a"}).exit_code, kExitOk) << "as it was, it is still the same row";
 }
 
+// before, a row whose options were refused had to be taken away by hand before it could be put right
+TEST_F(Results, ARowOfWhichNothingWasMadeMayBePutRight) {
+  EXPECT_EQ(Make("10", {"--row", "c"}).exit_code, kExitFailure) << "there is no run of 'a'";
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/rows/c.json"));
+}
+
+// before, the table took the place of the records, which held hours of work
+TEST_F(Results, RefusesToWriteTheTableOverItsRecords) {
+  Write("table.json", R"({"rows": []})");
+  const CommandOutcome made = Make("10", {"--row", "a", "--write", In("table.json")});
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("table.md"));
+  EXPECT_EQ(ReadTextFile(folder_ / "table.json").value(), R"({"rows": []})");
+}
+
 // one of ten scenes cannot be done by the expert: nine rollouts and that one are the whole evaluation
 TEST_F(Results, AScenelessRolloutDoesNotStopTheTable) {
   Write("out/runs/a-7/whole", "\n");
@@ -222,7 +237,7 @@ TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsR
   WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 3\n");
   WriteDataset(2);
   const CommandOutcome made = MakeTwoSeeds(2);
-  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_EQ(made.exit_code, kExitMachine) << made.text;
   EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
   for (const char* words : {"a, seed 7: data-a ended with 3", "a, seed 8: data-a ended with 3"})
     EXPECT_THAT(made.text, HasSubstr(words));
