@@ -40,7 +40,9 @@ int main(int argc, char** argv) try {
   const auto domain = static_cast<std::uint32_t>(std::stoul(argv[3]));
   const auto participant = etude::bus::Participant::Open({domain, "", argc == 6 ? argv[5] : ""});
   if (!participant) return fmt::print(stderr, "{}\n", participant.error().message), 3;
-  auto policy = etude::policy::Client::Open(*participant, argv[1], "example-driver", {kWatchdog / 2, kWatchdog});
+  // one name a robot: two that share one take each other's place
+  const std::string session = etude::bus::UniquePeerName();
+  auto policy = etude::policy::Client::Open(*participant, argv[1], session, {kWatchdog / 2, kWatchdog});
   if (!policy) return fmt::print(stderr, "{}\n", policy.error().message), 2;
 
   ExampleRobot robot;  // yours: joint angles, a picture, and a controller for the hand's pose
