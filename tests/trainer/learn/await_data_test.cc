@@ -32,10 +32,14 @@ TEST(AwaitData, DoesNotFixNormalisationOnTooFewWhenTheCollectorIsSilent) {
 // before, a trainer that hosts its collector waited for a year
 TEST(AwaitData, TakesWhatThereIsWhenTheCollectionHasEnded) {
   const TemporaryFolder folder;
-  const auto dataset = TinyDataset(folder / "d", 12);  // of 20 that are planned
+  auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.split = {0.5, 0.5, 0};
+  AddSyntheticEpisodes(folder / "d", spec, 0, 12);  // of 20 that are planned
+  const auto dataset = data::Dataset::Open(std::vector<Path>{folder / "d"});
+  ASSERT_TRUE(dataset) << dataset.error().message;
   const TrainConfig config = TinyConfig({"data.min_episodes=29", "data.min_valid=1"});
-  EXPECT_FALSE(AwaitData(*dataset, config, {.follow = true, .patience = std::chrono::milliseconds(1)}));
-  EXPECT_TRUE(AwaitData(*dataset, config, {.follow = true, .over = [] { return true; }}));
+  EXPECT_FALSE(AwaitData(**dataset, config, {.follow = true, .patience = std::chrono::milliseconds(1)}));
+  EXPECT_TRUE(AwaitData(**dataset, config, {.follow = true, .over = [] { return true; }}));
 
   const auto empty = TinyDataset(folder / "e", 0);
   const Status waited = AwaitData(*empty, config, {.follow = true, .over = [] { return true; }});
