@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -63,6 +64,7 @@ struct WorkerClient::Impl {
   std::optional<WatchedLoop> watched = std::nullopt;  // while Run is at it
   AckLog acknowledged = AckLog::FromEnvironment();
   Stopwatch since_work = {};  // since anybody had work, or took what was made
+  std::string unclear = {};   // why it is not known which campaign is meant
 
   const Selector& selector() const { return collectors.selector(); }
   Status Join();
@@ -114,8 +116,17 @@ Status WorkerClient::Impl::Join() {
 }
 
 Status WorkerClient::Impl::JoinNext() {
-  ETUDE_ASSIGN_OR_RETURN(const bool another_campaign, collectors.LookAround());
-  if (another_campaign) {
+  const auto another_campaign = collectors.LookAround();
+  // a name that means two campaigns, for as long as it does: a service is not started again after an error of usage
+  if (!another_campaign && another_campaign.error().code == Code::kInvalidArgument &&
+      std::getenv("NOTIFY_SOCKET") != nullptr) {
+    if (std::exchange(unclear, another_campaign.error().message) != another_campaign.error().message)
+      Log().warn("{}; waiting until it is clear", another_campaign.error().message);
+    WaitForStop(1s);
+    return {};
+  }
+  if (!another_campaign) return Fail(another_campaign.error());
+  if (*another_campaign) {
     choice.GoAnywhere();
     ready = {};
   }

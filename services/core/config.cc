@@ -6,10 +6,12 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <sstream>
 
 namespace etude {
 namespace {
@@ -146,15 +148,32 @@ std::string JsonText(const OrderedJson& json, int indent) {
   return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
+namespace {
+
+// "---" in the first column is a marker wherever it stands. (yaml-cpp's LoadAll, which would say so, never ends with
+// some malformed texts.)
+bool HasSecondDocument(const std::string& text) {
+  bool begun = false;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_marker =
+        line.starts_with("---") && (line.size() == 3 || std::isspace(static_cast<unsigned char>(line[3])));
+    if (is_marker && begun) return true;
+    const auto first = line.find_first_not_of(" \t\r");
+    begun = begun || is_marker || (first != std::string::npos && line[first] != '#' && line[0] != '%');
+  }
+  return false;
+}
+
+}  // namespace
+
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin) {
   if (!IsUtf8(text)) return Fail(Code::kInvalidArgument, origin + ": not UTF-8 text");
   try {
     std::size_t room = kMostExpansion * text.size() + kFreeExpansion;
-    const auto documents = YAML::LoadAll(text);
-    if (documents.size() > 1)
-      return Fail(Code::kInvalidArgument,
-                  fmt::format("{}: {} YAML documents ('---' between them), one is expected", origin, documents.size()));
-    return NodeToJson(documents.empty() ? YAML::Node() : documents.front(), origin, 0, room);
+    if (HasSecondDocument(text))
+      return Fail(Code::kInvalidArgument, origin + ": several YAML documents ('---' between them), one is expected");
+    return NodeToJson(YAML::Load(text), origin, 0, room);
   } catch (const YAML::Exception& error) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("{}:{}:{}: {}", origin, error.mark.line + 1, error.mark.column + 1, error.msg));

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <thread>
 #include <utility>
@@ -209,9 +210,11 @@ Status PolicyServer::Impl::FollowRuns() {
     std::string run_id = options.run.id, user;
     if (!IsId(run_id)) {
       const auto found = directory.FindPublisher(options.run, 1s);
-      if (!found && Current().model) {  // what is served serves on
+      // what is served serves on; and a service is not started again after an error of usage, which this is for people
+      if (!found && (Current().model || std::getenv("NOTIFY_SOCKET") != nullptr)) {
         if (std::exchange(unclear, found.error().message) != found.error().message)
-          Log().warn("{}; the last checkpoint serves on", found.error().message);
+          Log().warn("{}; {}", found.error().message,
+                     Current().model ? "the last checkpoint serves on" : "waiting until it is clear");
         WaitForStop(1s);
         continue;
       }

@@ -208,8 +208,9 @@ TEST(Config, AliasesAreCopiesWithinBounds) {
 TEST(Config, RefusesWhatIsNoTextOrHasNoTextForAKey) {
   EXPECT_THAT(ParseYaml("name: \xff\xfe", "latin.yaml"), MessageHas("latin.yaml: not UTF-8 text"));
   EXPECT_THAT(ParseYaml("a: 1\n[1, 2]: 3\n", "key.yaml"), MessageHas("a key must be text"));
-  EXPECT_THAT(ParseYaml("a: 1\n---\nb: 2\n", "two.yaml"), MessageHas("two.yaml: 2 YAML documents"));
-  EXPECT_THAT(ParseYaml("---\na: 1\n", "one.yaml"), IsOk());
+  EXPECT_THAT(ParseYaml("a: 1\n---\nb: 2\n", "two.yaml"), MessageHas("two.yaml: several YAML documents"));
+  for (const char* text : {"---\na: 1\n", "# first\n---\na: 1\n", "a: |\n  ---\n  b\n", "a: '---'\n", "a: 1\n...\n"})
+    EXPECT_THAT(ParseYaml(text, "one.yaml"), IsOk()) << text;
   EXPECT_THAT(ParseYaml("a: {b: 1, b: 2}\n", "twice.yaml"), MessageHas("twice.yaml:1:4: key 'b' stands twice"));
 }
 
