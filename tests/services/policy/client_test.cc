@@ -39,15 +39,15 @@ class FakeServer {
   }
 
   std::atomic<int> asked{0};
-  bus::Observation last;  // read after its answer
-  std::string rotation = kRotationFormat;
-  std::atomic<std::uint64_t> late{0};          // answers of this many first questions come with the next one's
-  bus::Refusal refusal = bus::Refusal::kNone;  // set before the first question
+  bus::Observation last;  // read after its answer and `asked`
+  std::atomic<const char*> rotation = kRotationFormat;
+  std::atomic<std::uint64_t> late{0};  // answers of this many first questions come with the next one's
+  std::atomic<bus::Refusal> refusal = bus::Refusal::kNone;  // both set before the first question
 
  private:
   void Answer(const bus::Observation& observation, std::uint64_t step) {
-    ++asked;
     last = observation;
+    ++asked;
     bus::Action action;
     action.run = observation.run;
     action.run_id = observation.run_id;
@@ -124,6 +124,7 @@ TEST_F(PolicyClient, NamesTheServerThatItAsks) {
   auto client = OpenClient(std::string("named@") + kOne);
   ASSERT_TRUE(client);
   ASSERT_TRUE(client->Ask(MakeQuestion()));
+  ASSERT_EQ(server.asked, 1);
   EXPECT_EQ(server.last.server.size(), 16u);
 }
 
@@ -154,6 +155,7 @@ TEST_F(PolicyClient, TheObservationCarriesItsCameraAndTheAnswerItsLatency) {
   const auto answer = client->Ask(question);
   ASSERT_TRUE(answer) << answer.error().message;
   EXPECT_EQ(answer->server_p99_ms, 12.5);
+  ASSERT_EQ(server.asked, 1);
   const double focal = question.camera->focal();
   EXPECT_EQ(server.last.intrinsics, (std::vector<double>{focal, focal, 2, 2}));
   EXPECT_EQ(server.last.camera_pose, (std::vector<double>{0.5, 1.5, 1.0, 1, 0, 0, 0}));
