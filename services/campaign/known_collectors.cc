@@ -31,8 +31,7 @@ Result<KnownCollectors> KnownCollectors::Open(const bus::Participant& participan
 
 bool KnownCollectors::IsOfTheCampaign(const bus::Presence& presence) const {
   if (empty()) return false;
-  const bus::Presence& known = by_shard_.begin()->second->presence;
-  return presence.id == known.id || bus::AreShardsOfOneCampaign(presence, known);
+  return presence.id == known().id || bus::AreShardsOfOneCampaign(presence, known());
 }
 
 bool KnownCollectors::IsKnown(const bus::Presence& presence) const {
@@ -55,7 +54,8 @@ Result<bool> KnownCollectors::LookAround() {
     ETUDE_ASSIGN_OR_RETURN(const auto found, directory_.FindCampaign(selector_, 1s));
     if (found.empty()) return false;
     another = !empty() && !IsOfTheCampaign(found.front());
-    if (another && !IsSameUsers(found.front())) return false;
+    if (another && !directory_.Replaced(bus::PresenceKind::kCampaign, selector_, known().id, known().user))
+      return false;
     if (another) Forget();
     for (const auto& presence : found) ETUDE_RETURN_IF_ERROR(Know(presence));
   }
@@ -63,20 +63,8 @@ Result<bool> KnownCollectors::LookAround() {
   return another;
 }
 
-// Another user's of that name is none of ours: the one that was joined may come back.
-bool KnownCollectors::IsSameUsers(const bus::Presence& other) {
-  const bus::Presence& own = by_shard_.begin()->second->presence;
-  if (other.user == own.user) return true;
-  if (refused_.insert(other.id).second)
-    Log().warn(
-        "campaign={}@{} has gone, and {}@{} is of user {}: waiting for the first; give {}@{} to work for the other",
-        own.name, own.id, other.name, other.id, other.user, other.name, other.id);
-  return false;
-}
-
 void KnownCollectors::Forget() {
-  Log().info("campaign={}@{} has gone, another one of its name is there", selector_.name,
-             by_shard_.begin()->second->presence.id);
+  Log().info("campaign={}@{} has gone, another one of its name is there", selector_.name, known().id);
   by_shard_.clear();
 }
 
@@ -107,8 +95,7 @@ bool KnownCollectors::Complete() const {
 }
 
 bool KnownCollectors::Replaced(const std::string& id) {
-  const std::string user = empty() ? "" : by_shard_.begin()->second->presence.user;
-  if (!directory_.Replaced(bus::PresenceKind::kCampaign, selector_, id, user)) return false;
+  if (!directory_.Replaced(bus::PresenceKind::kCampaign, selector_, id, empty() ? "" : known().user)) return false;
   const auto live = Live();
   return live.empty() || std::ranges::any_of(live, [&](const bus::Presence& presence) {
            return !IsKnown(presence) || !At(presence.shard)->complete();

@@ -64,14 +64,13 @@ class KnownCollectors {
   bool IsKnown(const bus::Presence& presence) const;
   std::vector<bus::Presence> Live();
   Status Know(const bus::Presence& presence);
-  bool IsSameUsers(const bus::Presence& other);
+  const bus::Presence& known() const { return by_shard_.begin()->second->presence; }  // one of them, @pre !empty()
   void Forget();
 
   const bus::Participant* participant_;
   Selector selector_;
   bus::Directory directory_;
   std::map<std::uint32_t, std::shared_ptr<KnownCollector>> by_shard_;
-  std::set<std::string> refused_;  // ids that another user's campaigns have
 };
 
 }  // namespace etude::campaign

@@ -43,12 +43,7 @@ std::vector<curriculum::Subtask> Subtasks(const policy::PolicyConfig& config) {
 }
 
 // The classes that the policy tells apart: as configured, unless the dataset has others.
-void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::string>& classes) {
-  std::vector<std::string> found;
-  for (const auto& object : objects) {
-    const std::string its_class = ObjectNoun(object);
-    if (std::find(found.begin(), found.end(), its_class) == found.end()) found.push_back(its_class);
-  }
+void AdoptClasses(std::vector<std::string> found, std::vector<std::string>& classes) {
   const bool covered = std::all_of(found.begin(), found.end(), [&](const std::string& name) {
     return std::find(classes.begin(), classes.end(), name) != classes.end();
   });
@@ -155,7 +150,7 @@ Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::s
 }
 
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
-  AdoptClasses(run.dataset->objects(), run.config.policy.objects);
+  AdoptClasses(NounsOf(*run.dataset), run.config.policy.objects);
   AdoptTasks(run.dataset->tasks(), run.config.policy);
   ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(run.dataset->objects(), run.dataset->tasks()));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
@@ -436,6 +431,14 @@ void LogFolders(const data::Dataset& dataset, const data::Snapshot& snapshot, co
 }
 
 }  // namespace
+
+std::vector<std::string> NounsOf(const data::Dataset& dataset) {
+  std::vector<std::string> nouns;
+  for (const auto& object : dataset.objects())
+    if (std::string noun = ObjectNoun(object); std::ranges::find(nouns, noun) == nouns.end())
+      nouns.push_back(std::move(noun));
+  return nouns;
+}
 
 std::vector<std::string> DatasetsOf(const data::Dataset& dataset) {
   std::vector<std::string> datasets;

@@ -54,6 +54,9 @@ struct TrainingRun {
   double Progress() const { return limit.Progress(step, Elapsed()); }
 };
 
+/// What sentences call the dataset's objects (ObjectNoun), each once, in their order.
+std::vector<std::string> NounsOf(const data::Dataset& dataset);
+
 /// RunState::datasets of `dataset`.
 std::vector<std::string> DatasetsOf(const data::Dataset& dataset);
 

@@ -9,7 +9,6 @@
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
-#include "services/spec/object_names.h"
 #include "trainer/learn/await_data.h"
 #include "trainer/learn/error_cells.h"
 #include "trainer/learn/keep.h"
@@ -166,11 +165,7 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     auto& policy = run.replicas->front();
     ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
                                                            run.scheduler->level(), run.config.data.batch));
-    std::vector<std::string> nouns;  // that the data have
-    for (const auto& object : run.dataset->objects())
-      if (const std::string noun = ObjectNoun(object); std::ranges::find(nouns, noun) == nouns.end())
-        nouns.push_back(noun);
-    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), nouns);
+    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), NounsOf(*run.dataset));
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
   }

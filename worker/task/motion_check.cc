@@ -43,10 +43,7 @@ class Mover {
       : scene_(scene), world_(scene), checker_(scene), planner_(scene) {}
 
   MotionCheck Run() {
-    double aside = kParkedAside;
-    for (const auto& object : scene_->objects())
-      world_.SetObject(object.name, {{aside += 0.5, kParkedAside, object.rest_height}, Eigen::Quaterniond::Identity()});
-    world_.Forward();
+    ParkObjects(*scene_, world_);
     const Pose home = world_.X_WE();
     for (const Way& way : Ways(home)) ThereAndBack(way, home);
     check_.healthy = world_.healthy();
@@ -99,6 +96,13 @@ class Mover {
 };
 
 }  // namespace
+
+void ParkObjects(const sim::Scene& scene, sim::World& world) {
+  double aside = kParkedAside;
+  for (const auto& object : scene.objects())
+    world.SetObject(object.name, {{aside += 0.5, kParkedAside, object.rest_height}, Eigen::Quaterniond::Identity()});
+  world.Forward();
+}
 
 MotionCheck CheckMotion(const std::shared_ptr<const sim::Scene>& scene) { return Mover(scene).Run(); }
 

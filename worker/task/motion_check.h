@@ -25,6 +25,9 @@ struct MotionCheck {
   Effort effort;
 };
 
+/// Puts the objects of the scene far aside, where no arm meets them.
+void ParkObjects(const sim::Scene& scene, sim::World& world);
+
 /// From home and back: the hand 10 cm along each axis of the world, and turned about its own axis by 0.6 rad each way,
 /// as fast as the expert approaches, slowed as the joints' speeds need it. The objects of the scene are not in the way.
 MotionCheck CheckMotion(const std::shared_ptr<const sim::Scene>& scene);

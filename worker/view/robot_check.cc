@@ -34,7 +34,6 @@ constexpr double kLagNeeded = 0.02;   // m behind it on the way: more than feed-
 constexpr double kVisualShare = 0.1;  // of the robot's mass in geoms that collide with nothing
 constexpr double kRareSaturation = 0.01;  // of the control steps
 constexpr int kStride = 25;               // control steps between two pictures that nobody looks at
-constexpr double kParkedAside = 3;        // m, where no arm meets the objects
 
 /// Rounded, and never "-0".
 double Whole(double value) { return std::round(value) + 0.0; }
@@ -193,10 +192,7 @@ void CheckHome(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
 
 void CheckGripper(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
   sim::World world(scene);
-  double aside = kParkedAside;  // whatever stands where the hand is at home
-  for (const auto& object : scene->objects())
-    world.SetObject(object.name, {{aside += 0.5, kParkedAside, object.rest_height}, Eigen::Quaterniond::Identity()});
-  world.Forward();
+  task::ParkObjects(*scene, world);  // whatever stands where the hand is at home
   const Pose home = world.X_WE();
   const auto drive = [&](double gripper) {
     for (int i = 0; i < kDrive; ++i) world.Step({home, gripper}, Eigen::Matrix<double, 6, 1>::Zero());
