@@ -15,27 +15,9 @@
 namespace etude::task {
 namespace {
 
-// What bounds the reference: its speed, how fast that changes, and how fast it comes back onto the path. A new answer
-// begins where the hand is, a centimetre behind the reference, and often at another speed: a reference that jumps there
-// at once throws joints near a singularity beyond their limits (1.5 times, in the wrist of the UR5).
-struct Bounds {
-  double speed;         // m/s or rad/s
-  double acceleration;  // m/s^2 or rad/s^2
-};
-constexpr Bounds kLinear{0.8, 8.0};
-constexpr Bounds kAngular{3.0, 30.0};
-constexpr double kBackOntoPath = 25;       // 1/s
 constexpr double kJointSpeedShare = 0.75;  // of the planned speed of a joint; the hand overshoots the reference's
 constexpr double kDamping = 0.02;          // m (and rad): near a singularity no joint has to turn without end
 constexpr double kMaxReach = 2.0;          // m from the world's origin: nothing sane is beyond
-// A new answer begins where the hand is. The reference leads it by what the spring needs to hold and to move it, up to
-// so many control steps of the path; an answer followed from its beginning would take it back as far, each time.
-constexpr int kMostAhead = 15;
-constexpr double kTurnAsWay = 0.2;  // m that a turn of one rad counts as
-// The fingers close above one and open below the other: a wavering answer does not make them flutter.
-constexpr double kCloseAbove = 0.6;
-constexpr double kOpenBelow = 0.4;
-
 // The authors' evaluation: the pose of which step of an answer is followed, for how many steps, and how often, by their
 // scripts for UR5 and Panda, and for the Jaco. Source: the paper's public code (its loop over t_lim and t_interval).
 constexpr char kAsAuthors[] = "authors";
@@ -46,13 +28,6 @@ constexpr int kDecisions = 67, kDecisionsOfJaco = 20;
 bool IsJaco(const std::string& robot) { return robot == "jaco2"; }
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
-
-// Velocity that closes the gap `e` and can still be braked to nothing at its end.
-Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
-  const double gap = e.norm();
-  if (gap < 1e-12) return Eigen::Vector3d::Zero();
-  return e * (std::min(kBackOntoPath * gap, std::sqrt(bounds.acceleration * gap)) / gap);
-}
 
 // What a module says about a place: {"entity": "target", "quantity": "position", "value": [x, y, z, ...]}, metres
 // first.
@@ -88,56 +63,6 @@ std::string RefusalOf(const policy::Answer& answer) {
       return fmt::format("waypoint {} has a quaternion of norm {:.3f}", k, waypoint.X_WE.q.norm());
   }
   return {};
-}
-
-void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
-  waypoints_ = std::move(waypoints);
-  step_ = first;
-  const Pose next_reference = sim::Advanced(reference_, V_WE_, 1 / kControlRate);
-  const auto distance = [&](double step) {
-    const Pose X_WE = Interpolate(waypoints_, step).X_WE;
-    return (X_WE.p - next_reference.p).norm() + kTurnAsWay * sim::RotationVector(X_WE.q, next_reference.q).norm();
-  };
-  for (double here = distance(step_); step_ < first + kMostAhead; ++step_) {
-    const double there = distance(step_ + 1);
-    if (there >= here) break;
-    here = there;
-  }
-}
-
-Command Tracker::Next() {
-  Command command;
-  command.target = {reference_, closed_ ? 1.0 : 0.0};
-  if (waypoints_.empty()) return command;
-  const Waypoint now = Interpolate(waypoints_, step_);
-  step_ += Advance(now.X_WE, Interpolate(waypoints_, step_ + 1).X_WE);
-  command.V_WE = V_WE_;
-  closed_ = closed_ ? now.gripper > kOpenBelow : now.gripper > kCloseAbove;
-  command.target = {reference_, closed_ ? 1.0 : 0.0};
-  return command;
-}
-
-// The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly. Where
-// the joints cannot follow, time on the path goes slower, so that nothing has to be made up for when they can again.
-double Tracker::Advance(const Pose& now, const Pose& next) {
-  const double dt = 1 / kControlRate;
-  Vector6d path;
-  path << (next.p - now.p) / dt, sim::RotationVector(now.q, next.q) / dt;
-  const double share = ShareOf(path);
-  path *= share;
-  const Eigen::Vector3d gap = now.p - reference_.p - path.head<3>() * dt;
-  const Eigen::Vector3d turned = sim::RotationVector(reference_.q, now.q) - path.tail<3>() * dt;
-  Vector6d wanted;
-  wanted << sim::Saturated(path.head<3>() + Closing(gap, kLinear), kLinear.speed),
-      sim::Saturated(path.tail<3>() + Closing(turned, kAngular), kAngular.speed);
-  const Vector6d change = ShareOf(wanted) * wanted - V_WE_;
-  V_WE_.head<3>() += sim::Saturated(change.head<3>(), kLinear.acceleration * dt);
-  V_WE_.tail<3>() += sim::Saturated(change.tail<3>(), kAngular.acceleration * dt);
-  reference_.p += V_WE_.head<3>() * dt;
-  const Eigen::Vector3d turn = V_WE_.tail<3>() * dt;
-  if (turn.norm() > 0)
-    reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
-  return share;
 }
 
 Rollout::Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
@@ -213,7 +138,7 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!runner_->Step(guard_.Guarded(tracker.Next(), runner_->world()))) return Failed();
+    if (!runner_->Step(guard_.Guarded(tracker.Next(runner_->world().gripper()), runner_->world()))) return Failed();
   }
   return VerdictOnViolations(runner_->judge());
 }
@@ -231,7 +156,7 @@ Result<Verdict> Rollout::RunAsAuthors(const policy::AskFunction& ask, bool close
       ETUDE_ASSIGN_OR_RETURN(auto answer, Decide(ask));
       if (!answer) return answer.error();
       held.target = Interpolate(answer->waypoints, followed);
-      closed = closed ? held.target.gripper > kOpenBelow : held.target.gripper > kCloseAbove;
+      closed = ShallClose(held.target.gripper, closed);
       held.target.gripper = closed ? 1 : 0;
     }
     if (pushes_) pushes_->BeforeStep();

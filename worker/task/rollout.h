@@ -10,6 +10,7 @@
 #include "worker/task/episode_runner.h"
 #include "worker/task/speed_guard.h"
 #include "worker/task/target_pushes.h"
+#include "worker/task/tracker.h"
 #include "worker/task/verdict.h"
 
 namespace etude::task {
@@ -17,35 +18,6 @@ namespace etude::task {
 /// Why the answer cannot be followed: wrong count, a number that is not finite, a pose out of any reach.
 /// Empty when it can.
 std::string RefusalOf(const policy::Answer& answer);
-
-/// Turns the waypoints of successive answers into references that neither move faster than the arm should nor change
-/// their velocity faster, whatever an answer says after the one before.
-class Tracker {
- public:
-  /// Which share (0..1] of a velocity of the hand (m/s, rad/s; linear first, world) its joints can follow now.
-  using SpeedShare = std::function<double(const Eigen::Matrix<double, 6, 1>&)>;
-
-  Tracker(const Pose& X_WE, bool closed, SpeedShare share = nullptr)
-      : share_(std::move(share)), reference_(X_WE), closed_(closed) {}
-
-  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
-  /// soon after it that is nearer to the reference.
-  void Follow(std::vector<Waypoint> waypoints, int first = 0);
-  /// Holds where it began until Follow is called.
-  Command Next();
-
- private:
-  double ShareOf(const Eigen::Matrix<double, 6, 1>& V_WE) const { return share_ ? share_(V_WE) : 1; }
-  /// @returns how many steps of the path's time went by, 0..1
-  double Advance(const Pose& now, const Pose& next);
-
-  SpeedShare share_;
-  std::vector<Waypoint> waypoints_;
-  double step_ = 0;  // on the path
-  Pose reference_;
-  Eigen::Matrix<double, 6, 1> V_WE_ = Eigen::Matrix<double, 6, 1>::Zero();  // of the reference
-  bool closed_;
-};
 
 /// Control steps until a rollout of `robot` counts as a failure.
 int StepLimitOf(const RolloutSpec& spec, const std::string& robot);

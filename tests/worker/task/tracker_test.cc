@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "worker/task/tracker.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +24,7 @@ TEST(Tracker, FollowsALineWithItsVelocity) {
   Tracker tracker({}, false);
   tracker.Follow(Line({0, 0, 0}, {0.2, 0, 0}));
   Command command;
-  for (int i = 0; i <= 50; ++i) command = tracker.Next();
+  for (int i = 0; i <= 50; ++i) command = tracker.Next(0);
   // it began at rest: what it lacked then is made up for
   EXPECT_NEAR(command.target.X_WE.p.x(), 0.2 * 50 / kControlRate, 2e-4);
   EXPECT_NEAR(command.V_WE[0], 0.2, 2e-3);
@@ -36,7 +38,7 @@ TEST(Tracker, NeverJumps) {
   tracker.Follow(far);
   Pose last;
   for (int i = 0; i < 100; ++i) {
-    const Command command = tracker.Next();
+    const Command command = tracker.Next(0);
     EXPECT_LE((command.target.X_WE.p - last.p).norm(), 0.8 / kControlRate + 1e-9);
     EXPECT_LE(AngleBetween(command.target.X_WE.q, last.q), 3.0 / kControlRate + 1e-6);
     EXPECT_LE(command.V_WE.head<3>().norm(), 0.8 + 1e-9);
@@ -52,7 +54,7 @@ TEST(Tracker, GoesNoFasterThanTheJointsCan) {
   tracker.Follow(Line({0.05, 0, 0}, {0.4, 0, 0}));
   Eigen::Vector3d before = Eigen::Vector3d::Zero();
   for (int i = 0; i < 60; ++i) {
-    const Command command = tracker.Next();
+    const Command command = tracker.Next(0);
     EXPECT_LE((command.target.X_WE.p - before).norm() * kControlRate, 0.1 + 1e-9);
     EXPECT_LE(command.V_WE.head<3>().norm(), 0.1 + 1e-9);
     before = command.target.X_WE.p;
@@ -66,7 +68,7 @@ struct Motion {
   double farthest = 0, last = 0;
   Motion(Tracker& tracker, int steps, double from, double speed) : last(from) {
     for (int i = 0; i < steps; ++i) {
-      const double x = tracker.Next().target.X_WE.p.x();
+      const double x = tracker.Next(0).target.X_WE.p.x();
       const double now = (x - last) * kControlRate;
       most_acceleration = std::max(most_acceleration, std::abs(now - speed) * kControlRate);
       farthest = std::max(farthest, x);
@@ -91,7 +93,7 @@ TEST(Tracker, ANewAnswerNeitherThrowsTheHandBackNorStopsItAtOnce) {
   tracker.Follow(Line({0, 0, 0}, {0.5, 0, 0}));
   double x = 0, speed = 0;
   for (int i = 0; i < 60; ++i) {
-    const double next = tracker.Next().target.X_WE.p.x();
+    const double next = tracker.Next(0).target.X_WE.p.x();
     speed = (next - x) * kControlRate;
     x = next;
   }
@@ -110,7 +112,7 @@ TEST(Tracker, AnAnswerIsFollowedFromWhereTheReferenceIs) {
   for (int answer = 0; answer < 10; ++answer) {
     tracker.Follow(Line({x - 0.008, 0, 0}, {0.1, 0, 0}));
     for (int i = 0; i < 30; ++i) {
-      const double next = tracker.Next().target.X_WE.p.x();
+      const double next = tracker.Next(0).target.X_WE.p.x();
       EXPECT_GE(next, x - 1e-4);
       x = next;
     }
@@ -125,7 +127,7 @@ TEST(Tracker, DoesNotSkipWhatLiesFarAheadOnThePath) {
   for (int k = 0; k < kWaypoints; ++k) loop[k].X_WE.p.x() = 0.01 + 0.02 * std::min(k, kWaypoints - 2 - k);
   tracker.Follow(loop);
   double most = 0;
-  for (int i = 0; i < kHorizonSteps; ++i) most = std::max(most, tracker.Next().target.X_WE.p.x());
+  for (int i = 0; i < kHorizonSteps; ++i) most = std::max(most, tracker.Next(0).target.X_WE.p.x());
   EXPECT_GT(most, 0.1);
 }
 
@@ -139,7 +141,7 @@ TEST(Tracker, DoesNotRushAfterThePathWhenTheJointsCanFollowAgain) {
   double before = 0, most = 0;
   for (int i = 0; i < 60; ++i) {
     if (i == 30) limit = 10;
-    const double x = tracker.Next().target.X_WE.p.x();
+    const double x = tracker.Next(0).target.X_WE.p.x();
     most = std::max(most, (x - before) * kControlRate);
     before = x;
   }
@@ -151,16 +153,91 @@ TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
   Tracker tracker({}, false);
   tracker.Follow(Line({0, 0, 0}, {0.1, 0, 0}));
   Command command;
-  for (int i = 0; i < 400; ++i) command = tracker.Next();
+  for (int i = 0; i < 400; ++i) command = tracker.Next(0);
   EXPECT_NEAR(command.target.X_WE.p.x(), 0.1 * (kHorizonSteps - 1) / kControlRate, 1e-9);
   EXPECT_NEAR(command.V_WE.norm(), 0, 1e-9);
+}
+
+// The fingers: 0.03 of their way a step.
+struct Fingers {
+  double closed = 0, stops_at = 1;
+  double Next(bool close) {
+    closed = close ? std::min(stops_at, closed + 0.03) : std::max(0.0, closed - 0.03);
+    return closed;
+  }
+};
+
+// What a policy's answer looks like at a grasp: closed, and up before the fingers can be.
+std::vector<Waypoint> ClosedAndUp(double z) {
+  auto waypoints = Line({0, 0, z}, {0, 0, 0}, 1);
+  for (int k = 0; k < kWaypoints; ++k) waypoints[k].X_WE.p.z() = z + 0.01 * k;
+  return waypoints;
+}
+
+TEST(Tracker, AHandThatGraspsStandsUntilItsFingersRest) {
+  Tracker tracker({}, false);
+  tracker.Follow(ClosedAndUp(0));
+  Fingers fingers{.stops_at = 0.6};
+  bool close = false;
+  double z = 0;
+  for (int i = 0; i < 80; ++i) {
+    // halfway another answer, which begins where a hand would be that rose meanwhile
+    if (i == 12) tracker.Follow(ClosedAndUp(0.01));
+    const bool at_rest = fingers.closed >= fingers.stops_at;
+    const Command command = tracker.Next(fingers.Next(close));
+    close = command.target.gripper > 0.5;
+    EXPECT_TRUE(close);
+    z = command.target.X_WE.p.z();
+    if (!at_rest) {
+      EXPECT_LT(z, 2e-3) << "step " << i << ", fingers " << fingers.closed;
+    }
+  }
+  EXPECT_GT(z, 0.05) << "and then it rises";
+}
+
+TEST(Tracker, FingersThatCloseOnTheWayDoNotStopTheHand) {
+  Tracker with({}, false), without({}, false);
+  const auto open = Line({0, 0, 0}, {0.4, 0, 0}), closed = Line({0, 0, 0}, {0.4, 0, 0}, 1);
+  with.Follow(open);
+  without.Follow(open);
+  for (int i = 0; i < 30; ++i) with.Next(0), without.Next(0);
+  with.Follow(closed, 30);
+  without.Follow(open, 30);
+  Fingers fingers;
+  for (int i = 0; i < 30; ++i)
+    EXPECT_EQ(with.Next(fingers.Next(true)).target.X_WE.p, without.Next(0).target.X_WE.p) << i;
+}
+
+TEST(FingerWait, IsForNoLongerThanTheyMoveAndNeverForEver) {
+  const auto steps_until_rest = [](double stops_at, double jitter) {
+    FingerWait wait;
+    wait.Begin();
+    Fingers fingers{.stops_at = stops_at};
+    for (int i = 1;; ++i)
+      if (!wait.Moving(fingers.Next(true) + (i % 2 ? jitter : 0))) return i;
+  };
+  EXPECT_EQ(steps_until_rest(0.6, 0), 20 + 3);
+  EXPECT_LE(steps_until_rest(0, 0), 10) << "closed as far as they go already";
+  EXPECT_EQ(steps_until_rest(0.6, 0.01), 60) << "they tremble";
+}
+
+TEST(FingerWait, IsNoLongerForAWaveringCommand) {
+  FingerWait wait;
+  EXPECT_FALSE(wait.Moving(0)) << "before any command";
+  double gripper = 0;
+  int steps = 0;
+  do {
+    if (steps % 15 == 0) wait.Begin();
+    gripper += steps++ / 15 % 2 ? -0.03 : 0.03;
+  } while (wait.Moving(gripper));
+  EXPECT_EQ(steps, 60);
 }
 
 TEST(Tracker, GripperHasHysteresis) {
   Tracker tracker({}, false);
   const auto closed_at = [&](double gripper) {
     tracker.Follow(Line({0, 0, 0}, {0, 0, 0}, gripper));
-    return tracker.Next().target.gripper > 0.5;
+    return tracker.Next(0).target.gripper > 0.5;
   };
   EXPECT_FALSE(closed_at(0.55));
   EXPECT_TRUE(closed_at(0.65));

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a policy's answers, a few each second, to a reference for the hand in every control step.
+#pragma once
+
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "services/episode/action.h"
+#include "worker/task/episode_runner.h"
+
+namespace etude::task {
+
+/// Whether the fingers shall be closed by a waypoint's `gripper` when they were told `closed` before: a wavering answer
+/// does not make them flutter.
+bool ShallClose(double gripper, bool closed);
+
+/// Whether fingers still move on their last command, told by what is measured of them.
+class FingerWait {
+ public:
+  /// They were told to move; while they still do, the wait for them gets no longer by it.
+  void Begin();
+  /// To be asked once each control step.
+  /// @param gripper  how far they are closed now: 0 open .. 1 closed
+  /// @returns whether they move. For no longer than all of their way takes.
+  bool Moving(double gripper);
+
+ private:
+  static constexpr int kMost = 60;  // control steps
+  int steps_ = kMost;               // since the command
+  int at_rest_ = 0;                 // of these, the last in which they did not move
+  double last_ = 0;
+};
+
+/// Turns the waypoints of successive answers into references that neither move faster than the arm should nor change
+/// their velocity faster, whatever an answer says after the one before.
+class Tracker {
+ public:
+  /// Which share (0..1] of a velocity of the hand (m/s, rad/s; linear first, world) its joints can follow now.
+  using SpeedShare = std::function<double(const Eigen::Matrix<double, 6, 1>&)>;
+
+  Tracker(const Pose& X_WE, bool closed, SpeedShare share = nullptr)
+      : share_(std::move(share)), reference_(X_WE), closed_(closed) {}
+
+  /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
+  /// soon after it that is nearer to the reference.
+  void Follow(std::vector<Waypoint> waypoints, int first = 0);
+  /// The next step's command. Holds where it began until Follow is called. At a grasp and a release the path's time
+  /// stands while the fingers move: a hand that rises while they close loses what is round, and a policy that never saw
+  /// one closed over what it is to take does not open it again.
+  /// @param gripper  how far the fingers are closed, as measured: 0 open .. 1 closed
+  Command Next(double gripper);
+
+ private:
+  double ShareOf(const Eigen::Matrix<double, 6, 1>& V_WE) const { return share_ ? share_(V_WE) : 1; }
+  /// @returns how many steps of the path's time went by, 0..1
+  double Advance(const Pose& now, const Pose& next);
+
+  SpeedShare share_;
+  std::vector<Waypoint> waypoints_;
+  double step_ = 0;  // on the path
+  Pose reference_;
+  Eigen::Matrix<double, 6, 1> V_WE_ = Eigen::Matrix<double, 6, 1>::Zero();  // of the reference
+  bool closed_;
+  FingerWait fingers_;
+  Pose X_WE_waiting_;  // where the hand stands meanwhile
+};
+
+}  // namespace etude::task
