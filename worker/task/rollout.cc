@@ -117,7 +117,9 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
 }
 
 Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed) {
-  Tracker tracker(runner_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
+  Tracker tracker(
+      runner_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); },
+      runner_->world().scene().control_delay());
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
   int latency = 0;                 // of the last answer, steps

@@ -30,14 +30,18 @@ constexpr double kTurnAsWay = 0.2;  // m that a turn of one rad counts as
 // The fingers close above one and open below the other.
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
-// The hand stands still for its fingers where the reference is slower than this: at a grasp and a release. Those that
-// close on the way to a push do not stop it.
-constexpr double kAllButStill = 0.3;  // m/s: braked within 6 mm
+// The hand stands still for its fingers where the reference is slower than this: at a grasp and a release, not where
+// they close on the way to a push; braked within 6 mm.
+constexpr double kAllButStill = 0.3;  // m/s
+// After a wait so many steps of the path go by before the next: an answer that wavers does not keep the hand for ever.
+constexpr double kBetweenWaits = 10;
 // Fingers that were told to move do so from some control step on, and rest when they make less than this share of their
 // whole way in each of the next few.
 constexpr int kBegins = 6;
 constexpr int kRests = 3;
 constexpr double kAtRest = 0.003;
+constexpr int kMostClosing = 110;  // the Panda's take 100
+constexpr int kMostOpening = 16;   // the expert's release takes 14
 
 // Velocity that closes the gap `e` and can still be braked to nothing at its end.
 Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
@@ -50,17 +54,20 @@ Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
 
 bool ShallClose(double gripper, bool closed) { return gripper > (closed ? kOpenBelow : kCloseAbove); }
 
-void FingerWait::Begin() {
-  if (steps_ >= kMost) steps_ = 0;
+void FingerWait::Begin(bool close) {
+  if (left_ == 0) {
+    left_ = delay_ + (close ? kMostClosing : kMostOpening);
+    steps_ = 0;
+  }
   at_rest_ = 0;
 }
 
 bool FingerWait::Moving(double gripper) {
   const double moved = std::abs(gripper - std::exchange(last_, gripper));
-  if (steps_ >= kMost) return false;
-  at_rest_ = ++steps_ > kBegins && moved < kAtRest ? at_rest_ + 1 : 0;
-  if (at_rest_ >= kRests) steps_ = kMost;
-  return steps_ < kMost;
+  if (left_ == 0) return false;
+  at_rest_ = ++steps_ > kBegins + delay_ && moved < kAtRest ? at_rest_ + 1 : 0;
+  left_ = at_rest_ >= kRests ? 0 : left_ - 1;
+  return left_ > 0;
 }
 
 void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
@@ -81,21 +88,35 @@ void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
 Command Tracker::Next(double gripper) {
   Command command;
   command.target = {reference_, closed_ ? 1.0 : 0.0};
-  const bool waits = fingers_.Moving(gripper);
+  const bool moving = fingers_.Moving(gripper);
   if (waypoints_.empty()) return command;
   const Waypoint now = Interpolate(waypoints_, step_);
-  if (waits)
-    Advance(X_WE_waiting_, X_WE_waiting_);
-  else
-    step_ += Advance(now.X_WE, Interpolate(waypoints_, step_ + 1).X_WE);
+  if (!moving)
+    X_WE_waiting_.reset();
+  else if (!X_WE_waiting_ && !Arriving())
+    X_WE_waiting_ = now.X_WE;
+  if (X_WE_waiting_) {
+    Advance(*X_WE_waiting_, *X_WE_waiting_);
+    since_wait_ = 0;
+  } else {
+    const double passed = Advance(now.X_WE, Interpolate(waypoints_, step_ + 1).X_WE);
+    step_ += passed;
+    since_wait_ += passed;
+  }
   command.V_WE = V_WE_;
   const bool closed = ShallClose(now.gripper, closed_);
-  if (closed != std::exchange(closed_, closed) && V_WE_.head<3>().norm() < kAllButStill) {
-    fingers_.Begin();
-    if (!waits) X_WE_waiting_ = now.X_WE;
-  }
+  const bool changed = closed != std::exchange(closed_, closed);
+  const bool waits = std::exchange(commanded_, true) && (moving || since_wait_ >= kBetweenWaits);
+  if (changed && waits && V_WE_.head<3>().norm() < kAllButStill) fingers_.Begin(closed_);
   command.target = {reference_, closed_ ? 1.0 : 0.0};
   return command;
+}
+
+bool Tracker::Arriving() const {
+  const auto way = [&](double step) {
+    return (Interpolate(waypoints_, step + 1).X_WE.p - Interpolate(waypoints_, step).X_WE.p).norm();
+  };
+  return way(step_ + WaypointStep(1)) < way(step_);
 }
 
 // The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly. Where

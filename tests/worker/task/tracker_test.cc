@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <deque>
 #include <limits>
+#include <vector>
 
 #include "worker/task/rollout.h"
 
@@ -158,41 +160,82 @@ TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
   EXPECT_NEAR(command.V_WE.norm(), 0, 1e-9);
 }
 
-// The fingers: 0.03 of their way a step.
+// Fingers that go so much of their way a step, so many steps after they were told.
 struct Fingers {
-  double closed = 0, stops_at = 1;
+  double stops_at = 1, a_step = 0.03;  // those of the UR5's hand; the Panda's make 0.01
+  int delay = 0;
+  double closed = 0;
+  std::deque<bool> under_way = {};
   double Next(bool close) {
-    closed = close ? std::min(stops_at, closed + 0.03) : std::max(0.0, closed - 0.03);
+    under_way.push_back(close);
+    if (static_cast<int>(under_way.size()) > delay) {
+      closed = under_way.front() ? std::min(stops_at, closed + a_step) : std::max(0.0, closed - a_step);
+      under_way.pop_front();
+    }
     return closed;
   }
 };
 
-// What a policy's answer looks like at a grasp: closed, and up before the fingers can be.
-std::vector<Waypoint> ClosedAndUp(double z) {
-  auto waypoints = Line({0, 0, z}, {0, 0, 0}, 1);
-  for (int k = 0; k < kWaypoints; ++k) waypoints[k].X_WE.p.z() = z + 0.01 * k;
+// An answer's heights at its waypoints, with fingers that close `at` one.
+std::vector<Waypoint> Heights(const std::vector<double>& z, int at) {
+  auto waypoints = Line({0, 0, 0}, {0, 0, 0});
+  for (int k = 0; k < kWaypoints; ++k) {
+    waypoints[k].X_WE.p.z() = z[std::min<std::size_t>(k, z.size() - 1)];
+    waypoints[k].gripper = k >= at;
+  }
   return waypoints;
 }
 
-TEST(Tracker, AHandThatGraspsStandsUntilItsFingersRest) {
-  Tracker tracker({}, false);
-  tracker.Follow(ClosedAndUp(0));
-  Fingers fingers{.stops_at = 0.6};
-  bool close = false;
-  double z = 0;
-  for (int i = 0; i < 80; ++i) {
-    // halfway another answer, which begins where a hand would be that rose meanwhile
-    if (i == 12) tracker.Follow(ClosedAndUp(0.01));
-    const bool at_rest = fingers.closed >= fingers.stops_at;
-    const Command command = tracker.Next(fingers.Next(close));
-    close = command.target.gripper > 0.5;
-    EXPECT_TRUE(close);
-    z = command.target.X_WE.p.z();
-    if (!at_rest) {
-      EXPECT_LT(z, 2e-3) << "step " << i << ", fingers " << fingers.closed;
+// Where the hand is in each of so many steps, and how far its fingers are closed.
+struct Grasp {
+  std::vector<double> z, closed;
+  Grasp(Tracker& tracker, Fingers fingers, int steps) {
+    bool close = false;
+    for (int i = 0; i < steps; ++i) {
+      const Command command = tracker.Next(fingers.Next(close));
+      close = command.target.gripper > 0.5;
+      z.push_back(command.target.X_WE.p.z());
+      closed.push_back(fingers.closed);
     }
   }
-  EXPECT_GT(z, 0.05) << "and then it rises";
+  int StepWhereClosed(double to) const {
+    return static_cast<int>(std::ranges::find_if(closed, [&](double now) { return now >= to; }) - closed.begin());
+  }
+};
+
+TEST(Tracker, AHandThatGraspsStandsUntilItsFingersRest) {
+  for (const Fingers& fingers :
+       {Fingers{.stops_at = 0.6}, Fingers{.stops_at = 0.9, .a_step = 0.01}, Fingers{.stops_at = 0.6, .delay = 20}}) {
+    Tracker tracker({}, false, nullptr, fingers.delay);
+    tracker.Follow(Heights({0, 0, 0.001, 0.01, 0.05, 0.1}, 1));  // up before the fingers can be
+    const Grasp grasp(tracker, fingers, 250);
+    const int grasped = grasp.StepWhereClosed(fingers.stops_at);
+    ASSERT_LT(grasped, 150);
+    EXPECT_LT(grasp.z[grasped], 1e-3) << fingers.a_step << " " << fingers.delay;
+    EXPECT_GT(grasp.z.back(), 0.09) << "and then it rises";
+  }
+}
+
+TEST(Tracker, FingersThatAreTooEarlyCloseWhereTheHandArrives) {
+  Tracker tracker({Eigen::Vector3d(0, 0, 0.05)}, false);
+  tracker.Follow(Heights({0.05, 0.04, 0.02, 0.005, 0, 0, 0.03, 0.08}, 2));  // two waypoints before it is there
+  const Grasp grasp(tracker, {.stops_at = 0.6}, 200);
+  EXPECT_LT(grasp.z[grasp.StepWhereClosed(0.6)], 3e-3) << "told at 0.02 m";
+  EXPECT_GT(grasp.z.back(), 0.07);
+}
+
+TEST(Tracker, AnAnswerThatComesWhileTheFingersCloseDoesNotRaiseTheHand) {
+  Tracker tracker({}, false);
+  tracker.Follow(Heights({0, 0, 0.01, 0.05}, 1));
+  Fingers fingers{.stops_at = 0.6};
+  bool close = false;
+  for (int i = 0; i < 60 && fingers.closed < 0.6; ++i) {
+    if (i == 20) tracker.Follow(Heights({0.01, 0.02, 0.05, 0.1}, 0));
+    const Command command = tracker.Next(fingers.Next(close));
+    close = command.target.gripper > 0.5;
+    EXPECT_LT(command.target.X_WE.p.z(), 2e-3) << i;
+  }
+  EXPECT_EQ(fingers.closed, 0.6);
 }
 
 TEST(Tracker, FingersThatCloseOnTheWayDoNotStopTheHand) {
@@ -208,17 +251,44 @@ TEST(Tracker, FingersThatCloseOnTheWayDoNotStopTheHand) {
     EXPECT_EQ(with.Next(fingers.Next(true)).target.X_WE.p, without.Next(0).target.X_WE.p) << i;
 }
 
+// As for a push: the expert sets off at once, too.
+TEST(Tracker, FingersThatCloseFromTheStartDoNotKeepTheHand) {
+  Tracker tracker({}, false);
+  tracker.Follow(Heights({0, 0.02, 0.06, 0.1}, 0));
+  const Grasp push(tracker, {}, 40);
+  EXPECT_GT(push.z.back(), 0.09);
+}
+
+TEST(Tracker, AWaveringAnswerDoesNotKeepTheHandForEver) {
+  Tracker tracker({}, false);
+  Fingers fingers;
+  bool close = false;
+  double z = 0;
+  for (int i = 0; i < 1500; ++i) {
+    if (i % 30 == 0) {
+      auto answer = Line({0, 0, z}, {0, 0, 0.1}, i / 30 % 2);
+      for (int k = 0; k < 2; ++k) answer[k].X_WE.p.z() = z;  // still where the fingers are told
+      tracker.Follow(answer);
+    }
+    const Command command = tracker.Next(fingers.Next(close));
+    close = command.target.gripper > 0.5;
+    z = command.target.X_WE.p.z();
+  }
+  EXPECT_GT(z, 0.015);
+}
+
 TEST(FingerWait, IsForNoLongerThanTheyMoveAndNeverForEver) {
-  const auto steps_until_rest = [](double stops_at, double jitter) {
+  const auto steps_until_rest = [](double stops_at, double jitter, bool close = true) {
     FingerWait wait;
-    wait.Begin();
-    Fingers fingers{.stops_at = stops_at};
+    wait.Begin(close);
+    Fingers fingers{.stops_at = stops_at, .closed = close ? 0.0 : 1.0};
     for (int i = 1;; ++i)
-      if (!wait.Moving(fingers.Next(true) + (i % 2 ? jitter : 0))) return i;
+      if (!wait.Moving(fingers.Next(close) + (i % 2 ? jitter : 0))) return i;
   };
   EXPECT_EQ(steps_until_rest(0.6, 0), 20 + 3);
   EXPECT_LE(steps_until_rest(0, 0), 10) << "closed as far as they go already";
-  EXPECT_EQ(steps_until_rest(0.6, 0.01), 60) << "they tremble";
+  EXPECT_EQ(steps_until_rest(0.6, 0.01), 110) << "they tremble";
+  EXPECT_EQ(steps_until_rest(0, 0, false), 16) << "the expert does not wait for all of an opening";
 }
 
 TEST(FingerWait, IsNoLongerForAWaveringCommand) {
@@ -227,10 +297,12 @@ TEST(FingerWait, IsNoLongerForAWaveringCommand) {
   double gripper = 0;
   int steps = 0;
   do {
-    if (steps % 15 == 0) wait.Begin();
-    gripper += steps++ / 15 % 2 ? -0.03 : 0.03;
+    const bool close = steps / 15 % 2 == 0;
+    if (steps % 15 == 0) wait.Begin(close);
+    gripper += close ? 0.03 : -0.03;
+    ++steps;
   } while (wait.Moving(gripper));
-  EXPECT_EQ(steps, 60);
+  EXPECT_EQ(steps, 110);
 }
 
 TEST(Tracker, GripperHasHysteresis) {
