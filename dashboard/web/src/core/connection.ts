@@ -11,6 +11,8 @@ export const connection = signal<Connection>('wait');
 export const lastHeard = signal(0);
 /** Grows each time the gateway comes back: whoever shows its data asks again. */
 export const epoch = signal(0);
+/** ms without a message after which an open socket is held for dead: `home` is told every second. */
+const silence = 20000;
 /** Ticks twice a second for ages; slower in a hidden tab. */
 export const now = signal(Date.now());
 
@@ -42,16 +44,32 @@ interface Message { ch: string; id: string; seq: number; t: string; data?: unkno
 const subscriptions = new Map<string, Subscription>();
 let socket: WebSocket | null = null;
 let pause = 250;
+let lastMessage = 0;
 let timer = 0;
 let began = false;
 
 export function start(): void {
   began = true;
-  window.setInterval(() => { if (!document.hidden || Date.now() - now.value > 5000) now.value = Date.now(); }, 500);
+  window.setInterval(() => {
+    if (!document.hidden || Date.now() - now.value > 5000) now.value = Date.now();
+    if (!document.hidden) abandonSilent();
+  }, 500);
   document.addEventListener('visibilitychange', () => {
+    // what came while it was hidden came seldom
+    lastMessage = Date.now();
     for (const one of subscriptions.values()) send(one);
   });
   open();
+}
+
+/** A network that went away without a word leaves a socket that looks open for ever. */
+function abandonSilent(): void {
+  if (socket?.readyState !== WebSocket.OPEN || !subscriptions.size || Date.now() - lastMessage < silence) return;
+  const dead = socket;
+  socket = null;
+  dead.close();
+  connection.value = 'lost';
+  schedule(0);
 }
 
 function open(): void {
@@ -63,11 +81,13 @@ function open(): void {
     pause = 250;
     const back = connection.value === 'lost' || connection.value === 'denied';
     connection.value = 'live';
-    lastHeard.value = Date.now();
+    lastHeard.value = lastMessage = Date.now();
     for (const one of subscriptions.values()) send(one);
     if (back) epoch.value++;
   };
   opening.onmessage = (event) => {
+    if (socket !== opening) return;
+    lastMessage = Date.now();
     heard();
     if (typeof event.data === 'string') receive(JSON.parse(event.data) as Message);
   };

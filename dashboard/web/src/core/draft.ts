@@ -8,8 +8,8 @@ export interface Draft {
   change: (text: string) => void;
 }
 
-/** `pause`: how long nobody types before the text is set, ms. */
-export function useDraft(value: string, set: (text: string) => void, pause: number): Draft {
+/** `pause`: how long nobody types before the text is set, ms. `staysEmpty`: once emptied, also where `value` then is what stands in for it. */
+export function useDraft(value: string, set: (text: string) => void, pause: number, staysEmpty = false): Draft {
   const [typed, setTyped] = useState<string | null>(null);
   const timer = useRef(0);
   const latest = useRef(set);
@@ -19,7 +19,7 @@ export function useDraft(value: string, set: (text: string) => void, pause: numb
     setTyped(text);
     window.clearTimeout(timer.current);
     timer.current = window.setTimeout(() => {
-      setTyped(null);
+      if (text !== '' || !staysEmpty) setTyped(null);
       latest.current(text);
     }, pause);
   };

@@ -73,11 +73,12 @@ export function bytes(value: Maybe<number>): string {
   return `${unit === 0 ? size : number(size)} ${units[unit]}`;
 }
 
-/** Wall clock of an RFC 3339 time, an epoch in seconds or one in milliseconds. */
-export function clock(time: Maybe<string | number>, seconds = true): string {
-  const date = toDate(time);
+/** Wall clock of an RFC 3339 time, an epoch in seconds or one in milliseconds; with the day where that is not today's. */
+export function clock(of: Maybe<string | number>, seconds = true): string {
+  const date = toDate(of);
   if (!date) return none;
-  return date.toLocaleTimeString('en-GB', seconds ? {} : { hour: '2-digit', minute: '2-digit' });
+  const time = date.toLocaleTimeString('en-GB', seconds ? {} : { hour: '2-digit', minute: '2-digit' });
+  return date.toDateString() === new Date().toDateString() ? time : `${date.toLocaleDateString('en-CA')} ${time}`;
 }
 
 export function day(time: Maybe<string | number>): string {

@@ -41,7 +41,7 @@ export function AskPolicy(props: Asked) {
 /** A parameter of the address as a field. */
 function useField(name: string, fallback = ''): Draft & { value: string } {
   const [value, set] = parameter(name);
-  return { value, ...useDraft(value || fallback, (text) => set(text || null, true), 400) };
+  return { value, ...useDraft(value || fallback, (text) => set(text || null, true), 400, true) };
 }
 
 /** "TAR3D.position=[0.1, 0.3, 0.04]" in its parts, as `etude policy watch --say` has it. */
@@ -119,7 +119,7 @@ function Bench(props: Asked & { episode: Episode }) {
           {data && <Attends of={data} module={props.module} />}
         </div>
         <div class="stack">
-          <label class="stack tight"><span class="small muted">sentence</span><input class="field" value={sentence.shown} maxLength={400} onInput={(event) => sentence.change(event.currentTarget.value)} /></label>
+          <label class="stack tight"><span class="small muted">sentence</span><input class="field" placeholder={episode.instruction} value={sentence.shown} maxLength={400} onInput={(event) => sentence.change(event.currentTarget.value)} /></label>
           <label class="stack tight"><span class="small muted">what if this had been said?</span><input class="field" placeholder="push the pepsi can" value={other.shown} maxLength={400} onInput={(event) => other.change(event.currentTarget.value)} /></label>
           <div class="stack" data-instead>
             <SayInstead of={data} heard={props.heard} field={say} />

@@ -5,6 +5,7 @@ import { query, useResource } from '../core/api';
 import { folderIn } from '../core/commands';
 import { useCursors } from '../core/cursors';
 import { bytes, count, duration, fixed, none, number } from '../core/format';
+import { useHeld } from '../core/held';
 import { parameter, setParameters } from '../core/router';
 import { episodeLink, useChosen } from '../core/sources';
 import { mostTicks, readTicks, writeTicks } from '../core/ticks';
@@ -135,9 +136,9 @@ const mostRows = 200;
 function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   const { ticks, tick } = useTicks();
   const [sort, setSort] = parameter('sort', '-index');
-  const [held, setHeld] = useState(props.of.episodes);
   const listing = `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=${mostRows}`;
   const page = useCursors(listing);
+  const { held, setHeld } = useHeld(props.of.episodes, listing);
   // again also when files were read that had not been, and not for each new episode
   const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: `${held} ${props.of.episodes - props.of.known}` });
   const fresh = props.of.episodes - held;

@@ -60,6 +60,9 @@ export const mostCompared = 24;
 /** Other evaluations, the newest so many; what cannot be read is left out. */
 export async function loadEvals(ids: string, signal: AbortSignal): Promise<Eval[]> {
   const all = await Promise.allSettled(ids.split(',').map((id) => getJson<Eval>(`/evals/${id}`, signal)));
+  signal.throwIfAborted();
+  const [first] = all;
+  if (first?.status === 'rejected' && all.every((one) => one.status === 'rejected')) throw first.reason;
   return all.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));
 }
 
@@ -181,8 +184,8 @@ function FirstOff(props: { of: Eval; row: EvalRow; bad: NonNullable<EvalRow['fir
 function Compare(props: { of: Eval; versus: string }) {
   const { of, versus } = props;
   const others = sourcesOf('eval').filter((one) => one.id !== of.id);
-  const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null);
-  const other = useResource<Eval>(versus ? `/evals/${encodeURIComponent(versus)}` : null);
+  const other = useResource<Eval>(versus ? `/evals/${encodeURIComponent(versus)}` : null, { every: 10000 });
+  const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null, { round: `${of.done} ${other.data?.done}` });
   const diff = useDiff(versus ? of.id : null, versus);
   if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></Panel>;
   return (

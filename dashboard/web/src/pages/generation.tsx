@@ -4,6 +4,7 @@ import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { getBytes, query, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, duration, none, number, percent } from '../core/format';
+import { useHeld } from '../core/held';
 import { link, navigate, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
 import { episodeLink, useChosen } from '../core/sources';
@@ -173,7 +174,7 @@ function Cells(props: { id: string; round: number }) {
   useEffect(() => {
     const box = canvas.current?.parentElement;
     if (!box) return;
-    const watch = new ResizeObserver(() => setWidth(box.clientWidth));
+    const watch = new ResizeObserver(() => { if (box.clientWidth > 0) setWidth(box.clientWidth); });
     watch.observe(box);
     setWidth(box.clientWidth);
     return () => watch.disconnect();
@@ -199,8 +200,8 @@ function Cells(props: { id: string; round: number }) {
     const at = Math.floor((event.clientY - box.top) / size) * across + Math.floor((event.clientX - box.left) / size);
     return cells && at >= 0 && at < cells.length ? at : null;
   };
-  if (answer.error) return <Panel title="Seeds"><Failed problem={answer.error} retry={answer.reload} /></Panel>;
-  if (!cells) return null;
+  const failed = answer.error && <Failed problem={answer.error} retry={answer.reload} />;
+  if (!cells) return failed ? <Panel title="Seeds">{failed}</Panel> : null;
   const open = (at: number | null) => {
     if (at === null) return;
     if (cells[at] === 1 || cells[at] === 2) navigate(episodeLink(props.id, indexOf(at)));
@@ -217,6 +218,7 @@ function Cells(props: { id: string; round: number }) {
   const told = over ?? cursor;
   return (
     <Panel title="Seeds" aside={<span class="small secondary" role="status" data-seed-at>{told === null ? `${count(cells.length)} indices, one square each` : `#${indexOf(told)}: ${cellNames[cells[told] ?? 0]}`}</span>}>
+      {failed}
       <div class="seed-map" role="group" tabIndex={0} data-arrows data-seed-map aria-label="Seeds: arrow keys go from one to the next, Enter opens it" onKeyDown={press} onFocus={(event) => { if (event.currentTarget.matches(':focus-visible')) setCursor(cursor ?? 0); }} onBlur={() => setCursor(null)}>
         <canvas ref={canvas} role="img" aria-label={cellNames.map((name, i) => `${tally[i]} ${name}`).join(', ')} onMouseMove={(event) => setOver(index(event))} onMouseLeave={() => setOver(null)} onClick={(event) => open(index(event))} />
         {cursor !== null && <span class="seed-cursor" style={{ left: `${(cursor % across) * size - 2}px`, top: `${Math.floor(cursor / across) * size - 2}px`, width: `${size + 3}px`, height: `${size + 3}px` }} />}
@@ -230,8 +232,9 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
   const [outcome, setOutcome] = parameter('outcome', 'all');
   const names = ['task', 'reason', 'stage', 'robot', 'index'] as const;
   const filter = Object.fromEntries(names.map((name) => [name, parameter(name)[0]]));
-  const [held, setHeld] = useState(props.round);
-  const rows = useResource<Attempts>(`/campaigns/${props.id}/attempts${query({ ...filter, outcome: outcome === 'all' ? '' : outcome, limit: 100 })}`, { round: held });
+  const listing = `/campaigns/${props.id}/attempts${query({ ...filter, outcome: outcome === 'all' ? '' : outcome, limit: 100 })}`;
+  const { held, setHeld } = useHeld(props.round, listing);
+  const rows = useResource<Attempts>(listing, { round: held });
   const fresh = props.round - held;
   const set = names.filter((name) => filter[name]);
   const data = rows.data;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Does it run, when is it done, did anything stop: the page for the lab's screen.
-import { home } from '../core/sources';
+import { useState } from 'preact/hooks';
+import { home, sourceOf } from '../core/sources';
 import { clock, count, duration, number, percent, plural, age } from '../core/format';
 import { link } from '../core/router';
 import type { Home, Stage, Tiles } from '../core/types';
@@ -8,7 +9,10 @@ import { Chip, Empty, Figure, Panel, StateChip } from '../parts/basics';
 import { Spark } from '../parts/chart';
 import { Dots } from '../parts/dots';
 
+const fewSources = 20;
+
 export function Overview() {
+  const [whole, setWhole] = useState(false);
   const data = home.value;
   if (!data) return null;
   if (!data.sources.length) return <><Ups of={data} />{data.warnings.length > 0 && <Warnings of={data} />}<Nothing home={data} /></>;
@@ -40,7 +44,7 @@ export function Overview() {
         <div class="scroll-x" tabIndex={0} role="group" aria-label="List of sources">
           <table class="plain sources">
             <thead><tr><th>name</th><th>what</th><th>state</th><th>folder</th><th class="num">changed</th></tr></thead>
-            <tbody>{data.sources.slice(0, 20).map((one) => (
+            <tbody>{data.sources.slice(0, whole ? undefined : fewSources).map((one) => (
               <tr data-source={one.id}>
                 <td><a href={sourceLink(one.kind, one.id)}>{one.name}</a></td>
                 <td class="secondary">{one.role === 'rollouts' ? 'rollouts' : one.kind}</td>
@@ -51,6 +55,7 @@ export function Overview() {
             </tbody>
           </table>
         </div>
+        {!whole && data.sources.length > fewSources && <p class="pad small"><button type="button" class="button" data-all-sources onClick={() => setWhole(true)}>{fewSources} of {data.sources.length}: show all</button></p>}
       </Panel>
     </>
   );
@@ -103,7 +108,7 @@ function Demonstrations(props: { of: NonNullable<Tiles['demonstrations']> }) {
   const one = props.of;
   const running = one.live && one.committed < one.total;
   return (
-    <Panel title="Demonstrations" aside={<a href={link('dataset', { dataset: one.source })}>{one.name}</a>}>
+    <Panel title="Demonstrations" aside={<a href={sourceLink(sourceOf(one.source)?.kind ?? 'dataset', one.source)}>{one.name}</a>}>
       <div class="row apart">
         {running && one.per_min !== null ? <Figure large value={number(one.per_min)} unit="a minute" label="per_min" /> : <Figure large value={count(one.committed)} unit={`of ${count(one.total)}`} label="committed" />}
         <span class="secondary num">{running ? <>{count(one.committed)} of {count(one.total)}<br />{one.eta_s !== null && `${duration(one.eta_s)} left`}</> : one.committed >= one.total ? 'complete' : ''}</span>

@@ -10,6 +10,7 @@ import { home } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Job, PlayInsight, PlaySession } from '../core/types';
 import { Chip, Command, Empty, Facts, Failed, Loaded, Panel, Select } from '../parts/basics';
+import { Frame } from '../parts/frame';
 import { PixelMark } from '../parts/mark';
 import { Spotlight } from '../parts/spotlight';
 import { TableTop, type Standing } from '../parts/table_top';
@@ -219,7 +220,7 @@ function Live(props: { session: string; state: PlaySession; scene: Scene }) {
   return (
     <>
       <div class="play-picture" style={{ aspectRatio: `${camera.width} / ${camera.height}` }}>
-        {state.frame > 0 && <img src={`${root}${address}/frame.jpg?n=${state.frame}`} width={camera.width} height={camera.height} alt="What the robot's camera sees" data-frame={state.frame} />}
+        {state.frame > 0 && <Frame n={state.frame} address={(n) => `${root}${address}/frame.jpg?n=${n}`} width={camera.width} height={camera.height} />}
         {moving && seen.data && module && attention && <Spotlight module={module} attention={attention} view={seen.data.view} width={camera.width} height={camera.height} />}
         <svg viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
           {moving && pixelsOf(state.modules).map(([name, at]) => <PixelMark key={name} token={moduleColor(name)} glyph={moduleColor(name) === 'hand' ? 'ring' : 'cross'} at={at} />)}

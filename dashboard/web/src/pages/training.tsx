@@ -9,7 +9,7 @@ import { useKeys } from '../core/keys';
 import { readRange, writeRange, type Range } from '../core/range';
 import { link, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
-import { listed, nameOf, sourcesOf, useChosen } from '../core/sources';
+import { listed, nameOf, sourceOf, sourcesOf, useChosen } from '../core/sources';
 import { smooth, split } from '../core/stats';
 import { hues } from '../core/theme';
 import type { Checkpoints, Curriculum, Run, SeriesKey, State } from '../core/types';
@@ -39,6 +39,9 @@ async function loadCurves(id: string, keys: string[], options: string, signal: A
   }
   return merged;
 }
+
+/** Grows with each line of metrics, the last ones of a run included, which come with no round step. */
+const linesOf = (run: Run | undefined) => (run?.keys ?? []).reduce((sum, one) => sum + one.n, 0);
 
 /** The curves of one run; asked again when it has trained on. What was there stays beside the reason why no more comes. */
 function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: Range | null, round: number): Asked {
@@ -91,6 +94,8 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
     { keys: 's', does: 'smoothing', run: () => setWidth(width === '0' ? '200' : '0') },
   ]);
   const step = props.live?.step ?? run.step;
+  // of a run on the bus alone there are no lines to write
+  const filed = props.ids.filter((id) => id === run.id || typeof sourceOf(id)?.folder === 'string');
   const shared: Shared = { axis, log: scale === 'log', smoothing: Number(width), range, zoom, bands: bands(props.curriculum, run, axis), marks: marks(props.checkpoints, run, axis) };
   return (
     <>
@@ -102,13 +107,13 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
         <Segments label="Vertical axis" value={scale} options={[['lin', 'lin'], ['log', 'log']]} choose={(value) => setScale(value)} />
         <Select label="Smoothing" value={width} options={[['0', 'not smoothed'], ['100', 'over 100 steps'], ['200', 'over 200 steps'], ['500', 'over 500 steps'], ['1000', 'over 1,000 steps']]} choose={(value) => setWidth(value)} />
         {range && <button type="button" class="button" data-all onClick={() => zoom(null)}>All of the axis</button>}
-        <a class="button" href={`${root}/runs/${run.id}/series.csv${query({ run: props.ids.slice(1) })}`} download={`${props.ids.map(nameOf).join('-')}.csv`}>CSV</a>
+        {run.folder !== null && <a class="button" href={`${root}/runs/${run.id}/series.csv${query({ run: filed.slice(1) })}`} download={`${filed.map(nameOf).join('-')}.csv`}>CSV</a>}
       </div>
       <Compare ids={props.ids} />
       {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${folderIn(run, 'RUN')} --resume`} /></div>}
       {props.curriculum && <Panel title="Curriculum"><Ladder stages={props.curriculum.stages} /><Reasons of={props.curriculum} /></Panel>}
       <Goals of={run} />
-      {!run.keys.length ? <NoCurves of={run} step={step} /> : <Charts ids={props.ids} run={run} round={Math.floor(step / 50)} shared={shared} />}
+      {!run.keys.length ? <NoCurves of={run} step={step} /> : <Charts ids={props.ids} run={run} round={linesOf(run)} shared={shared} />}
     </>
   );
 }
@@ -185,10 +190,11 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
   const others = useOthers(ids.slice(1), shared);
   const problem = asked.problem && <Failed problem={asked.problem} retry={asked.reload} />;
   if (!asked.curves) return problem ?? <Skeleton height={480} />;
-  const runs = [{ id: run.id, curves: asked.curves }, ...others.flatMap(({ id, asked: { curves } }) => (curves ? [{ id, curves }] : []))];
+  // each with the colour and shape that its name has above, also while the curves of one before it are not there
+  const runs = [{ id: run.id, r: 0, curves: asked.curves }, ...others.flatMap(({ id, asked: { curves } }) => (curves ? [{ id, r: ids.indexOf(id), curves }] : []))];
   // what any of the runs has: modules come with their stage, and configs differ
   const keys = [...new Map([run, ...others.flatMap((one) => one.run.data ?? [])].reverse().flatMap((one) => one.keys.map((key) => [key.key, key] as const))).values()];
-  const lines = (entries: { key: SeriesKey; label: string; dash?: boolean; points?: boolean }[], smoothable = true): Line[] => runs.flatMap(({ id, curves }, r) => entries.flatMap(({ key, label, dash, points }) => {
+  const lines = (entries: { key: SeriesKey; label: string; dash?: boolean; points?: boolean }[], smoothable = true): Line[] => runs.flatMap(({ id, r, curves }) => entries.flatMap(({ key, label, dash, points }) => {
     const curve = curves.get(key.key);
     if (!curve) return [];
     const name = runs.length > 1 ? `${nameOf(id)}${entries.length > 1 ? ` ${label}` : ''}` : label;
@@ -198,7 +204,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
     return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.step, line.values, shared.smoothing), min: undefined, max: undefined }];
   }));
   const find = (text: string) => keys.find((one) => one.key === text);
-  const parts = runs.flatMap(({ id, curves }, r): Line[] => {
+  const parts = runs.flatMap(({ id, r, curves }): Line[] => {
     const [rate, wait] = [curves.get(rateKey), curves.get(waitKey)];
     if (!rate || !wait) return [];
     const { x, part, rest } = split(rate, wait);
@@ -256,7 +262,7 @@ function useOthers(ids: string[], shared: Shared): { id: string; run: Resource<R
     const id = ids[i];
     const run = useResource<Run>(id ? `/runs/${id}` : null, { every: 5000 });
     const data = run.pending ? undefined : run.data;
-    return { id, run, asked: useCurves(data, (data?.keys ?? []).map((one) => one.key), shared.axis, shared.range, Math.floor((data?.step ?? 0) / 50)) };
+    return { id, run, asked: useCurves(data, (data?.keys ?? []).map((one) => one.key), shared.axis, shared.range, linesOf(data)) };
   });
   return slots.flatMap(({ id, run, asked }) => (id ? [{ id, run, asked }] : []));
 }

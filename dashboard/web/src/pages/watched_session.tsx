@@ -8,6 +8,7 @@ import { insightOf } from '../core/session';
 import type { PlayInsight, PlaySession } from '../core/types';
 import { lookOf } from '../parts/attention';
 import { Empty, Loaded, Panel } from '../parts/basics';
+import { Frame } from '../parts/frame';
 import { Attends, Said } from '../parts/said';
 import { Spotlight } from '../parts/spotlight';
 import type { Shown } from './ask_policy';
@@ -41,7 +42,7 @@ function Watched(props: Shown & { of: PlaySession; address: string }) {
         <div class="stack">
           {camera && of.frame > 0 && (
             <div class="picture" style={{ aspectRatio: `${camera.width} / ${camera.height}` }}>
-              <img src={`${root}${address}/frame.jpg?n=${of.frame}`} alt="What the robot's camera sees" data-frame={of.frame} />
+              <Frame n={of.frame} address={(n) => `${root}${address}/frame.jpg?n=${n}`} />
               {insight && look && look.rows > 0 && <Spotlight module={props.module} attention={look} view={insight.view} width={camera.width} height={camera.height} />}
             </div>)}
         </div>

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What changes something: a button that shows the etude command for copying and, with the token, runs it as a job.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { getJob, getJson, jobGone, postJson, problemOf, stopJob, type Problem } from '../core/api';
+import { getJob, getJson, jobGone, postJson, problemOf, type Problem } from '../core/api';
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Command, Failed } from './basics';
+import { StopJob } from './jobs';
 import { useToken } from './sign_in';
 
 type Arguments = { action: string } & Record<string, string | number>;
@@ -73,7 +74,7 @@ function Progress(props: { of: Job }) {
   const { of } = props;
   return (
     <>
-      <p class="row"><Chip tone={of.state === 'done' ? 'good' : of.state === 'failed' ? 'bad' : ''}>{of.state}</Chip>{of.state === 'running' && <button type="button" class="button" onClick={() => { void stopJob(of.id); }}>Stop it</button>}</p>
+      <p class="row"><Chip tone={of.state === 'done' ? 'good' : of.state === 'failed' ? 'bad' : ''}>{of.state}</Chip>{of.state === 'running' && <StopJob id={of.id} label="Stop it" />}</p>
       {of.log.length > 0 && <pre class="job-log" tabIndex={0} role="group" aria-label="Its output">{of.log.slice(-12).join('\n')}</pre>}
     </>
   );

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lines over x by uPlot (loaded with the first chart that is seen): made once, fed in animation frames, one cursor for the page, a hidden table for those who cannot see a canvas.
 import type uPlot from 'uplot';
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useLayoutEffect, useRef, useState } from 'preact/hooks';
 import { color, paints } from '../core/theme';
 import { number } from '../core/format';
 import { align } from '../core/lines';
@@ -105,6 +105,13 @@ export function Chart(props: ChartProps) {
     });
     return () => cancelAnimationFrame(frame);
   }, [props.lines]);
+  // written here and by the cursor, never by both Preact and the cursor: it would go on with a text that is not shown
+  useLayoutEffect(() => {
+    props.lines.forEach((line, i) => {
+      const element = legend.current[i];
+      if (element && (plot.current?.cursor.idx ?? null) === null) element.textContent = number(summarize(line.values).last);
+    });
+  }, [props.lines]);
   useEffect(() => { plot.current?.redraw(false, true); }, [paint, props.bands, props.marks, props.goal]);
   useEffect(() => {
     const made = plot.current;
@@ -134,7 +141,7 @@ export function Chart(props: ChartProps) {
           <span class="key">
             <svg aria-hidden="true" viewBox="0 0 18 8"><line x1="0" x2="18" y1="4" y2="4" stroke={`var(--${line.token})`} stroke-width="2" {...(line.dash ? { 'stroke-dasharray': '4 3' } : {})} />{line.points && line.marker === undefined && <circle cx="9" cy="4" r="3" fill={`var(--${line.token})`} />}</svg>
             {line.marker !== undefined && <Marker of={line.marker} token={line.token} />}
-            {line.label} <b ref={(element) => { legend.current[i] = element; }}>{number(summarize(line.values).last)}</b>
+            {line.label} <b ref={(element) => { legend.current[i] = element; }} />
           </span>
         ))}
       </div>
@@ -176,7 +183,14 @@ function followed(made: uPlot, moment: ChartProps['follow']): () => void {
   const mark = document.createElement('div');
   mark.className = 'at';
   made.over.append(mark);
-  return moment.follow((x) => { mark.style.transform = `translateX(${made.valToPos(x, 'x')}px)`; });
+  let at: number | null = null;
+  // the axis has its scale with the first drawing, and another one with each new width
+  const place = () => {
+    const left = at === null ? NaN : made.valToPos(at, 'x');
+    if (Number.isFinite(left)) mark.style.transform = `translateX(${left}px)`;
+  };
+  (made.hooks.draw ??= []).push(place);
+  return moment.follow((x) => { at = x; place(); });
 }
 
 function describe(line: Line): string {

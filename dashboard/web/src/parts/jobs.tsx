@@ -14,21 +14,26 @@ function failedLately(of: Job): boolean {
   return of.state === 'failed' && of.ended !== null && Date.now() - Date.parse(of.ended) < lately_ms;
 }
 
-export function Jobs() {
-  const all = useResource<{ jobs: Job[] }>('/jobs', { every: 2000 });
-  const shown = (all.data?.jobs ?? []).filter((one) => one.state === 'running' || failedLately(one));
+/** Ends a job of the gateway's; why it could not stands beside the button. */
+export function StopJob(props: { id: string; label: string; stopped?: () => void }) {
   const [said, say] = useState('');
   const access = useToken();
-  if (!shown.length) return null;
-  const stop = async (id: string) => {
+  const stop = async () => {
     try {
-      await access.act(() => stopJob(id));
+      await access.act(() => stopJob(props.id));
       say('');
-      all.reload();
+      props.stopped?.();
     } catch (error) {
       say(reasonOf(error));
     }
   };
+  return <><button type="button" class="button" disabled={!access.ready} onClick={() => { void stop(); }}>{props.label}</button>{access.field}{said && <span class="small bad" role="alert">{said}</span>}</>;
+}
+
+export function Jobs() {
+  const all = useResource<{ jobs: Job[] }>('/jobs', { every: 2000 });
+  const shown = (all.data?.jobs ?? []).filter((one) => one.state === 'running' || failedLately(one));
+  if (!shown.length) return null;
   return (
     <Panel title="Jobs of this gateway">
       {shown.map((one) => (
@@ -36,12 +41,10 @@ export function Jobs() {
           <b>{one.action}</b>
           <span class="mono small fill" title={one.log.slice(-3).join('\n')}>{one.command}</span>
           {one.state === 'running'
-            ? <><span class="small muted">since {clock(one.started, false)}</span><button type="button" class="button" disabled={!access.ready} onClick={() => { void stop(one.id); }}>Stop</button></>
+            ? <><span class="small muted">since {clock(one.started, false)}</span><StopJob id={one.id} label="Stop" stopped={all.reload} /></>
             : <><Chip tone="bad">failed</Chip><span class="small muted">{one.exit_code !== null && `exit ${one.exit_code}, `}{clock(one.ended, false)}</span><span class="mono small secondary">{one.log[one.log.length - 1]}</span></>}
         </div>
       ))}
-      {said && <p class="bad small" role="alert">{said}</p>}
-      {access.field && <p class="row">{access.field}</p>}
     </Panel>
   );
 }

@@ -69,7 +69,7 @@ export function PictureView(props: { episode: Episode; camera: Camera; playhead:
         const element = canvas.current;
         element?.getContext('2d')?.putImageData(image, 0, 0);
         element?.setAttribute('data-picture', String(k));
-      }).catch((error: unknown) => { if (!gone) setProblem(error instanceof Error ? error.message : String(error)); });
+      }).catch((error: unknown) => { if (!gone && shown === k) setProblem(error instanceof Error ? error.message : String(error)); });
       for (let ahead = 1; ahead <= 8 && k + ahead < camera.frames; ahead++) pictures.get(k + ahead).catch(() => undefined);
     });
     return () => { gone = true; stop(); };

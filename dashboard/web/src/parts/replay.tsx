@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // An attempt that is made again: whether it was, the job that makes it, and what it left for the view in space.
 import { useEffect, useState } from 'preact/hooks';
-import { getBytes, getJob, getJson, jobGone, postJson, problemOf, query, stopJob, useResource, type Problem, type Resource } from '../core/api';
+import { getBytes, getJob, getJson, jobGone, postJson, problemOf, query, useResource, type Problem, type Resource } from '../core/api';
 import { home } from '../core/sources';
 import type { Job, Replay, ReplayGeometry, ReplayPlan } from '../core/types';
 import { Chip, Command, Failed } from './basics';
+import { StopJob } from './jobs';
 import { TokenField } from './sign_in';
 
 export interface Remake {
@@ -83,7 +84,7 @@ export function MakeReplay(props: { of: Remake; label: string; command?: string 
   if (of.job?.state === 'running') {
     return (
       <div class="stack tight" role="status" data-replay="running">
-        <p class="row"><Chip>running</Chip>The attempt is being made again.<button type="button" class="button" onClick={() => { void stopJob(of.job!.id); }}>Stop it</button></p>
+        <p class="row"><Chip>running</Chip>The attempt is being made again.<StopJob id={of.job.id} label="Stop it" /></p>
         {of.job.log.length > 0 && <p class="small mono secondary">{of.job.log[of.job.log.length - 1]}</p>}
       </div>
     );
