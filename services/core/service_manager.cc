@@ -57,9 +57,11 @@ struct ServiceManager::Socket {
   }
 };
 
+bool ServiceManager::IsThere() { return std::getenv("NOTIFY_SOCKET") != nullptr; }
+
 ServiceManager::Environment ServiceManager::FromEnvironment() {
   Environment environment;
-  if (const char* socket = std::getenv("NOTIFY_SOCKET")) environment.socket = socket;
+  if (IsThere()) environment.socket = std::getenv("NOTIFY_SOCKET");
   const std::uint64_t pid = NumberIn("WATCHDOG_PID");
   if (pid == 0 || pid == static_cast<std::uint64_t>(::getpid()))
     environment.watchdog = std::chrono::microseconds(NumberIn("WATCHDOG_USEC"));

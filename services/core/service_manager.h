@@ -43,6 +43,9 @@ class ServiceManager {
   /// It drains; only the first call says so, and only what was ready stops. WatchedLoop calls it for a stop request.
   void Stopping();
 
+  /// Whether one started this process, now: it starts it again, but not after an error of usage.
+  static bool IsThere();
+
   /// Variables that a child process must not inherit: it would speak in this one's name.
   static constexpr const char* kVariables[] = {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"};
 

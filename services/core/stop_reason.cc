@@ -13,6 +13,7 @@
 #include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/pinned_process.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
 
@@ -75,8 +76,7 @@ bool MayStartAgain() {
   if (holds > 0) return false;
   const char* const last = std::getenv(kStartedAgain);
   // whom a service manager starts again begins without that word
-  const bool is_managed = std::getenv("NOTIFY_SOCKET") != nullptr;
-  const double since = last != nullptr ? std::atof(last) : is_managed ? kBegan : BootSeconds() - kLeastLifeS;
+  const double since = last != nullptr ? std::atof(last) : ServiceManager::IsThere() ? kBegan : BootSeconds() - kLeastLifeS;
   return BootSeconds() - since >= kLeastLifeS;
 }
 
@@ -108,7 +108,7 @@ void StartAgainIfWanted() {
   {
     auto& reason = GetReason();
     const MutexLock lock(reason.mutex);
-    if (!reason.restart || std::getenv("NOTIFY_SOCKET") != nullptr) return;
+    if (!reason.restart || ServiceManager::IsThere()) return;
     more = reason.more;
     why = reason.error->message;
   }

@@ -211,7 +211,7 @@ Status PolicyServer::Impl::FollowRuns() {
     if (!IsId(run_id)) {
       const auto found = directory.FindPublisher(options.run, 1s);
       // what is served serves on; and a service is not started again after an error of usage, which this is for people
-      if (!found && (Current().model || std::getenv("NOTIFY_SOCKET") != nullptr)) {
+      if (!found && (Current().model || ServiceManager::IsThere())) {
         if (std::exchange(unclear, found.error().message) != found.error().message)
           Log().warn("{}; {}", found.error().message,
                      Current().model ? "the last checkpoint serves on" : "waiting until it is clear");

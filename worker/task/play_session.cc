@@ -403,6 +403,9 @@ Result<EpisodePlan> PlaySession::PlanOf(const Sentence& sentence) const {
     return Fail(Code::kInvalidArgument, fmt::format("say: {} cannot be put beside itself", plan.target));
   if (plan.has_obstacle()) ETUDE_RETURN_IF_ERROR(check(kObstacleObject));
   plan.avoid = AvoidedObjects(plan.task, plan.target, plan.reference, plan.scene.objects);
+  // whom a person wants taken is no longer there to be left alone
+  std::erase(plan.distractors, plan.target);
+  std::erase(plan.distractors, plan.reference);
   return plan;
 }
 

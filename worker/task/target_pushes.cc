@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace etude::task {
 namespace {
@@ -27,7 +28,7 @@ TargetPushes::TargetPushes(const TargetPushSpec& spec, std::uint64_t seed, Episo
 
 void TargetPushes::BeforeStep() {
   if (runner_->judge().touched()) {
-    under_way_ = false;
+    if (std::exchange(under_way_, false)) pushes_.back().end = runner_->world().ObjectPose(runner_->plan().target).p;
     next_ = due_.size();
   }
   if (under_way_) return GoOn();
@@ -87,6 +88,8 @@ bool TargetPushes::ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by) {
   const std::string& target = runner_->plan().target;
   const Eigen::VectorXd q = runner_->world().q();
   checker_->Allow({});
+  const double gripper = checker_->gripper();
+  checker_->SetGripper(runner_->world().gripper());
   bool clear = true;
   for (int place = 0; place < kPlacesOfWay && clear; ++place) {
     const double share = static_cast<double>(place) / (kPlacesOfWay - 1);
@@ -95,6 +98,7 @@ bool TargetPushes::ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by) {
     clear = std::ranges::none_of(near, [&](const collide::Proximity& pair) { return pair.body_b == target; });
   }
   checker_->SetObject(target, X_WO);
+  checker_->SetGripper(gripper);  // others ask it, too
   return clear;
 }
 

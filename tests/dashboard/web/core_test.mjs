@@ -24,6 +24,14 @@ test('the axis of proportions begins at a multiple of ten below the lowest bound
   assert.equal(axisStart([0.02]), 0);
 });
 
+test('a time of another day says which', async () => {
+  const { clock } = await load('format.ts');
+  const today = new Date();
+  assert.match(clock(today.getTime()), /^\d\d:\d\d:\d\d$/);
+  assert.match(clock(today.getTime() - 3 * 86400e3), /^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d$/);
+  assert.match(clock(today.getTime() - 3 * 86400e3, false), /^\d{4}-\d\d-\d\d \d\d:\d\d$/);
+});
+
 test('a summary counts what is not finite and leaves it out', async () => {
   const { summarize } = await load('stats.ts');
   assert.deepEqual(summarize([3, null, 1, NaN, 2, undefined]), { n: 3, missing: 2, min: 1, max: 3, last: 2 });
