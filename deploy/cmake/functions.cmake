@@ -89,7 +89,7 @@ endfunction()
 include(CheckLinkerFlag)
 check_linker_flag(CXX -fuse-ld=gold ETUDE_LINKER_GOLD)
 
-# etude_add_test(NAME SRCS a_test.cc LIBS dep... [LABEL unit] [TIMEOUT 60])
+# etude_add_test(NAME SRCS a_test.cc LIBS dep... [LABEL unit] [TIMEOUT 240])
 # makes one GoogleTest program, one ctest entry. Labels: unit, contract, integration. The files of a program are compiled
 # as one (CMAKE_UNITY_BUILD), so each has a namespace of its own, named after it, for its fixtures and helpers.
 function(etude_add_test name)
@@ -98,7 +98,7 @@ function(etude_add_test name)
     set(arg_LABEL unit)
   endif()
   if(NOT arg_TIMEOUT)
-    set(arg_TIMEOUT 120)
+    set(arg_TIMEOUT 240)
   endif()
   if(ETUDE_SANITIZE)
     math(EXPR arg_TIMEOUT "4 * ${arg_TIMEOUT}")  # all takes several times as long

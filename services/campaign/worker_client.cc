@@ -118,8 +118,7 @@ Status WorkerClient::Impl::Join() {
 Status WorkerClient::Impl::JoinNext() {
   const auto another_campaign = collectors.LookAround();
   // a name that means two campaigns, for as long as it does: a service is not started again after an error of usage
-  if (!another_campaign && another_campaign.error().code == Code::kInvalidArgument &&
-      ServiceManager::IsThere()) {
+  if (!another_campaign && another_campaign.error().code == Code::kInvalidArgument && ServiceManager::IsThere()) {
     if (std::exchange(unclear, another_campaign.error().message) != another_campaign.error().message)
       Log().warn("{}; waiting until it is clear", another_campaign.error().message);
     WaitForStop(1s);

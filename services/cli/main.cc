@@ -76,7 +76,9 @@ int Main(int argc, char** argv) {
   app.get_formatter()->column_width(28);
   Body body;
   AddCommands(app, body);
-  app.footer("Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 141 nobody reads the output any more, 1 else.");
+  app.footer(
+      "Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 141 nobody reads the "
+      "output any more, 1 else.");
   if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) return *ParseCommandLine(app, argc, argv);
   try {
     app.parse(argc, argv);

@@ -76,7 +76,9 @@ bool MayStartAgain() {
   if (holds > 0) return false;
   const char* const last = std::getenv(kStartedAgain);
   // whom a service manager starts again begins without that word
-  const double since = last != nullptr ? std::atof(last) : ServiceManager::IsThere() ? kBegan : BootSeconds() - kLeastLifeS;
+  const double since = last != nullptr             ? std::atof(last)
+                       : ServiceManager::IsThere() ? kBegan
+                                                   : BootSeconds() - kLeastLifeS;
   return BootSeconds() - since >= kLeastLifeS;
 }
 
