@@ -11,7 +11,7 @@ export const connection = signal<Connection>('wait');
 export const lastHeard = signal(0);
 /** Grows each time the gateway comes back: whoever shows its data asks again. */
 export const epoch = signal(0);
-/** ms without a message after which an open socket is held for dead: `home` is told every second. */
+/** ms without a message after which an open socket is held for dead: `home` is told twice a second. */
 const silence = 20000;
 /** Ticks twice a second for ages; slower in a hidden tab. */
 export const now = signal(Date.now());

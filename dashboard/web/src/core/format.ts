@@ -73,17 +73,19 @@ export function bytes(value: Maybe<number>): string {
   return `${unit === 0 ? size : number(size)} ${units[unit]}`;
 }
 
+const dated = (date: Date, time: string) => `${date.toLocaleDateString('en-CA')} ${time}`;
+
 /** Wall clock of an RFC 3339 time, an epoch in seconds or one in milliseconds; with the day where that is not today's. */
 export function clock(of: Maybe<string | number>, seconds = true): string {
   const date = toDate(of);
   if (!date) return none;
   const time = date.toLocaleTimeString('en-GB', seconds ? {} : { hour: '2-digit', minute: '2-digit' });
-  return date.toDateString() === new Date().toDateString() ? time : `${date.toLocaleDateString('en-CA')} ${time}`;
+  return date.toDateString() === new Date().toDateString() ? time : dated(date, time);
 }
 
 export function day(time: Maybe<string | number>): string {
   const date = toDate(time);
-  return date ? `${date.toLocaleDateString('en-CA')} ${date.toLocaleTimeString('en-GB')}` : none;
+  return date ? dated(date, date.toLocaleTimeString('en-GB')) : none;
 }
 
 function toDate(time: Maybe<string | number>): Date | null {
