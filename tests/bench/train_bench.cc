@@ -5,7 +5,9 @@
 // bf16, the flat optimizer), a picture with its six sentences being one sample, against one float32 network on all
 // cores with torch's optimizer.
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/nn/utils/clip_grad.h>
+#include <torch/optim/adam.h>
+#include <torch/optim/adamw.h>
 
 #include <algorithm>
 #include <chrono>
@@ -21,6 +23,7 @@
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/names.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 #include "trainer/policy/torch_process.h"
 
 namespace etude::policy {

@@ -3,8 +3,6 @@
 // normalisation included, as its tensors.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -16,6 +14,7 @@
 #include "trainer/checkpoint/metadata.h"
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::checkpoint {
 

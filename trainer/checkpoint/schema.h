@@ -5,13 +5,12 @@
 //   2  the configuration as far as it differs from the defaults; modules' records, embodiment
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <string>
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::checkpoint {
 

@@ -2,14 +2,13 @@
 // A new network from parts (trainer/policy/parts.h) of a trained one.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "trainer/checkpoint/checkpoint.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::checkpoint {
 

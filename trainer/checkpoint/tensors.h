@@ -2,10 +2,9 @@
 // Between torch's tensors and those of a safetensors file.
 #pragma once
 
-#include <torch/torch.h>
-
 #include "services/core/result.h"
 #include "services/store/safetensors.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::checkpoint {
 

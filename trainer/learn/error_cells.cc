@@ -22,8 +22,8 @@ struct Mean {
 };
 
 /// What a sentence of a sample is about, but for the module and its error; nothing where the object's place is unknown.
-std::optional<SentenceError> Asked(const data::EpisodeEntry& entry, const language::Command& command,
-                                   bool demonstrated) {
+std::optional<SentenceError> SentenceErrorOf(const data::EpisodeEntry& entry, const language::Command& command,
+                                             bool demonstrated) {
   const Episode& episode = entry.episode();
   const ObjectTrack* const object = episode.FindObject(command.target);
   if (object == nullptr || object->pose.rows() == 0) return std::nullopt;
@@ -44,7 +44,7 @@ Questions QuestionsOf(const ValidationSet& set, const std::vector<data::Sample>&
     const data::EpisodeEntry& entry = *set.snapshot.episodes()[sample.frame.episode];
     auto& asked = questions.emplace_back();
     for (const auto& command : set.maker.CommandsOf(entry.episode(), sample, data::Augment::kNo))
-      asked.push_back(Asked(entry, command, asked.empty()));
+      asked.push_back(SentenceErrorOf(entry, command, asked.empty()));
   }
   return questions;
 }

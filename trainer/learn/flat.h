@@ -3,13 +3,12 @@
 // elsewhere (device.h says which). Buffers of one call are dense, of one size, on one device.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <cstddef>
 #include <optional>
 #include <vector>
 
 #include "trainer/learn/adamw_kernel.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

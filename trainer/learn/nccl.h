@@ -3,13 +3,13 @@
 // header).
 #pragma once
 
-#include <torch/torch.h>
-
 #include <chrono>
 #include <functional>
 #include <string>
 #include <torch/csrc/distributed/c10d/Store.hpp>
 #include <vector>
+
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

@@ -4,8 +4,6 @@
 // over memory.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <memory>
 #include <string>
@@ -14,6 +12,7 @@
 #include "trainer/learn/adamw_kernel.h"
 #include "trainer/learn/config.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

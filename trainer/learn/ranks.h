@@ -7,8 +7,6 @@
 // does.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -16,6 +14,7 @@
 #include <string>
 
 #include "services/core/result.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

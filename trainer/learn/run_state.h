@@ -2,8 +2,6 @@
 // What a run needs to go on bit for bit: one safetensors file.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <string>
 #include <vector>
@@ -11,6 +9,7 @@
 #include "services/core/config.h"
 #include "services/core/file.h"
 #include "trainer/checkpoint/metadata.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

@@ -2,14 +2,13 @@
 // Between plain arrays and tensors.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <string>
 
 #include "trainer/data/batch.h"
 #include "trainer/data/statistics.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::learn {
 

@@ -7,7 +7,7 @@
 // images, S queries, P image tokens, n other keys, h heads, d width.
 #pragma once
 
-#include <torch/torch.h>
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

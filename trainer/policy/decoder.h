@@ -3,12 +3,12 @@
 // their own, found by the input's name.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -3,11 +3,10 @@
 // same; our own kernels are the CPU's, and elsewhere torch's operations stand in for them.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <string>
 
 #include "services/core/result.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

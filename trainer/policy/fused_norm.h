@@ -3,7 +3,7 @@
 // makes three to five each and converts instance normalisation to NCHW on the way.
 #pragma once
 
-#include <torch/torch.h>
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -4,8 +4,6 @@
 // policy.h; every tensor of a module is (B, S | 1, ...).
 #pragma once
 
-#include <torch/torch.h>
-
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,6 +14,7 @@
 #include "trainer/policy/layers.h"
 #include "trainer/policy/names.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -3,8 +3,6 @@
 // Shapes: B images, h x w px, P = rows x columns tokens, d width.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <memory>
 #include <utility>
 #include <vector>
@@ -12,6 +10,7 @@
 #include "trainer/policy/config.h"
 #include "trainer/policy/layers.h"
 #include "trainer/policy/quantities/output.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

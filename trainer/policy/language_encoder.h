@@ -2,8 +2,6 @@
 // Sentence -> language token: trained along with the policy, or a trained projection of what CLIP says.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <memory>
 #include <string>
 #include <vector>
@@ -14,6 +12,7 @@
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/config.h"
 #include "trainer/policy/layers.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -2,11 +2,11 @@
 // Small building blocks: a multi-layer perceptron, a token head, a normalisation followed by ReLU.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <memory>
 #include <string>
 #include <vector>
+
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -3,14 +3,13 @@
 // policy.h. What a quantity's error costs is the quantity's (quantities/), with the constants of the policy's file.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <string>
 #include <vector>
 
 #include "trainer/policy/config.h"
 #include "trainer/policy/image_encoder.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

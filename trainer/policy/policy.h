@@ -5,8 +5,6 @@
 // once).
 #pragma once
 
-#include <torch/torch.h>
-
 #include <functional>
 #include <map>
 #include <memory>
@@ -18,6 +16,7 @@
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/config.h"
 #include "trainer/policy/quantities/output.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

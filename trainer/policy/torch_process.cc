@@ -3,7 +3,7 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/version.h>
 
 #include <cstdlib>
 #include <map>
@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "services/core/pinned_process.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 namespace {

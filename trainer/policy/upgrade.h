@@ -3,13 +3,12 @@
 // and columns of matrices. What a checkpoint of that time decodes does not change, sines and cosines included.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <map>
 #include <string>
 
 #include "services/core/config.h"
 #include "trainer/policy/config.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

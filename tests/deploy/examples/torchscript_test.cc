@@ -6,7 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/script.h>
-#include <torch/torch.h>
 
 #include <sstream>
 
@@ -18,6 +17,7 @@
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
+#include "trainer/policy/torch.h"
 
 namespace etude {
 namespace torchscript_test {

@@ -3,6 +3,7 @@
 #include "trainer/learn/optimizer.h"
 
 #include <gtest/gtest.h>
+#include <torch/optim/adamw.h>
 
 #include <cmath>
 

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "services/core/config.h"
 #include "services/episode/action.h"
 #include "trainer/policy/policy.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -3,6 +3,7 @@
 #include "trainer/policy/language_encoder.h"
 
 #include <gmock/gmock.h>
+#include <torch/optim/sgd.h>
 
 #include <set>
 

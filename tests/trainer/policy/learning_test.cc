@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that the whole of trainer/policy learns: coloured squares named by a sentence.
+#include <torch/nn/utils/clip_grad.h>
+#include <torch/optim/adamw.h>
+
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {

@@ -4,14 +4,13 @@
 // sentence means.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "services/core/result.h"
 #include "services/store/safetensors.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::clip {
 

@@ -2,8 +2,6 @@
 // What several quantities share.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <span>
 
 #include "services/core/config.h"
@@ -11,6 +9,7 @@
 #include "trainer/policy/quantities/losses.h"
 #include "trainer/policy/quantities/output.h"
 #include "trainer/policy/quantities/quantity.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

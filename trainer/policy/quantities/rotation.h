@@ -5,9 +5,9 @@
 // The form is a property of a head; what leaves the policy is 6D.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <string>
+
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -3,8 +3,6 @@
 // description (GPT-2's blocks: Radford et al. 2019, section 2.3). It shares no code with what it checks.
 #pragma once
 
-#include <torch/torch.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -14,6 +12,7 @@
 #include <vector>
 
 #include "services/store/safetensors.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::clip {
 

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <cmath>
 #include <cstring>
@@ -14,6 +13,7 @@
 #include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/store/safetensors.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::clip {
 

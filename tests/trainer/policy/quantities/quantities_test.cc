@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests trainer/policy/quantities: what each quantity's label is, and that its loss, metric and words agree with it.
 #include <gmock/gmock.h>
-#include <torch/torch.h>
 
 #include <cmath>
 
@@ -11,6 +10,7 @@
 #include "trainer/policy/quantities/output.h"
 #include "trainer/policy/quantities/quantity.h"
 #include "trainer/policy/quantities/rotation.h"
+#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 namespace quantities_test {
