@@ -9,21 +9,40 @@ import type { Playhead } from './playhead';
 export interface Mark { token: string; label: string; glyph: Glyph; /** (steps, 2) pixels. */ pixels: ArrayLike<number> }
 
 const kept = 160;
+const ahead = 8;
 
 /** Pictures of one camera, kept while the page shows them. */
 class Pictures {
   private readonly cache = new Map<number, Promise<ImageData>>();
+  private readonly underWay = new Map<number, AbortController>();
   constructor(private readonly episode: Episode, private readonly camera: Camera) {}
 
+  /** Picture k; the next ones come after it, and whatever else was under way is not asked for any longer: a hand that drags the
+   * playhead passes more pictures than a link brings. */
   get(k: number): Promise<ImageData> {
+    for (const [other, abort] of this.underWay) {
+      if (other >= k && other <= k + ahead) continue;
+      this.underWay.delete(other);
+      this.cache.delete(other);
+      abort.abort();
+    }
+    const picture = this.load(k);
+    for (let next = k + 1; next <= k + ahead && next < this.camera.frames; next++) this.load(next).catch(() => undefined);
+    return picture;
+  }
+
+  private load(k: number): Promise<ImageData> {
     const known = this.cache.get(k);
     if (known) return known;
     const { width_px, height_px, name } = this.camera;
-    const loading = fetch(`${root}/datasets/${this.episode.dataset}/episodes/${this.episode.index}/pictures/${encodeURIComponent(name)}/${k}.rgb`)
+    const abort = new AbortController();
+    const loading = fetch(`${root}/datasets/${this.episode.dataset}/episodes/${this.episode.index}/pictures/${encodeURIComponent(name)}/${k}.rgb`, { signal: abort.signal })
       .then((answer) => (answer.ok ? answer.arrayBuffer() : Promise.reject(new Error(`picture ${k}: ${answer.status} ${answer.statusText}`))))
       .then((buffer) => toImage(new Uint8Array(buffer), width_px, height_px));
     this.cache.set(k, loading);
-    loading.catch(() => this.cache.delete(k));
+    this.underWay.set(k, abort);
+    loading.catch(() => { if (this.cache.get(k) === loading) this.cache.delete(k); })
+      .finally(() => { if (this.underWay.get(k) === abort) this.underWay.delete(k); });
     if (this.cache.size > kept) this.cache.delete(this.cache.keys().next().value!);
     return loading;
   }
@@ -70,7 +89,6 @@ export function PictureView(props: { episode: Episode; camera: Camera; playhead:
         element?.getContext('2d')?.putImageData(image, 0, 0);
         element?.setAttribute('data-picture', String(k));
       }).catch((error: unknown) => { if (!gone && shown === k) setProblem(error instanceof Error ? error.message : String(error)); });
-      for (let ahead = 1; ahead <= 8 && k + ahead < camera.frames; ahead++) pictures.get(k + ahead).catch(() => undefined);
     });
     return () => { gone = true; stop(); };
   }, [episode, camera, playhead, props.marks]);
