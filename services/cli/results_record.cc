@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -41,6 +42,14 @@ OrderedJson Normalised(const OrderedJson& definition) {
   return normal;
 }
 
+bool AreOneTraining(const OrderedJson& before, const OrderedJson& now) {
+  const OrderedJson first = Normalised(before), second = Normalised(now);
+  return first.is_object() && second.is_object() &&
+         std::ranges::all_of(std::array{"data", "train", "begins_with"}, [&](const char* part) {
+           return first.value(part, OrderedJson()) == second.value(part, OrderedJson());
+         });
+}
+
 // From the first step on that was another one, what was made: a row that is only evaluated otherwise keeps its runs.
 std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultRow& row) {
   const OrderedJson now = DefinitionOf(row), before = Normalised(written);
@@ -48,8 +57,7 @@ std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultR
     return !before.is_object() || before.value(part, OrderedJson()) != now.value(part, OrderedJson());
   };
   std::vector<std::string> made{fmt::format("rows/{}.json", row.name), fmt::format("eval/{}-[0-9]*", row.name)};
-  if (differs("data") || differs("train") || differs("begins_with"))
-    made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
+  if (!AreOneTraining(before, now)) made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
   if (differs("data")) made.push_back(fmt::format("data/{}", DatasetName(row)));
   return made;
 }
@@ -67,6 +75,14 @@ OrderedJson ComparisonPart(const OrderedJson& report, const char* key) {
   return part ? *part : OrderedJson();
 }
 
+// What the folders of the training and its data, which may have been removed, do not say any more.
+void KeepTraining(const ResultReport& old, ResultReport* now) {
+  if (now->training_s == 0) now->training_s = old.training_s;
+  if (now->train > 0) return;
+  now->train = old.train;
+  now->valid = old.valid;
+}
+
 ResultReport ReadAgain(const ResultReport& old, ResultReport now) {
   now.made = old.made;
   // the other row's evaluation may lie in another folder
@@ -74,11 +90,6 @@ ResultReport ReadAgain(const ResultReport& old, ResultReport now) {
   const bool lost = !ComparisonPart(old.report, "overall").is_null() && ComparisonPart(now.report, "overall").is_null();
   if (lost && (with.is_null() || with == ComparisonPart(old.report, "with")))
     now.report["comparison"] = old.report["comparison"];
-  if (now.training_s == 0) now.training_s = old.training_s;
-  if (now.train == 0) {
-    now.train = old.train;
-    now.valid = old.valid;
-  }
   return now;
 }
 
@@ -112,9 +123,12 @@ void ResultRecords::Keep(const ResultRow& row, ResultReport report) {
   auto record = std::ranges::find(rows, row.name, &ResultRecord::row);
   if (record == rows.end()) record = rows.insert(rows.end(), ResultRecord{.row = row.name});
   const OrderedJson definition = DefinitionOf(row);
-  if (!IsDefinition(record->definition, definition)) *record = {.row = row.name, .definition = definition};
   const auto old = std::ranges::find(record->reports, report.seed, &ResultReport::seed);
-  if (old != record->reports.end()) {
+  const bool is_known = old != record->reports.end();
+  if (is_known && AreOneTraining(record->definition, definition)) KeepTraining(*old, &report);
+  if (!IsDefinition(record->definition, definition)) {
+    *record = {.row = row.name, .definition = definition};
+  } else if (is_known) {
     if (AreOneMeasurement(old->report, report.report)) report = ReadAgain(*old, std::move(report));
     record->reports.erase(old);
   }

@@ -55,8 +55,8 @@ struct ResultRecords {
 
   /// Keeps a report in the place of an earlier one of that seed. What was measured of another definition of the row is
   /// dropped: one row never mixes two. A report that says what the kept one says (but for the comparison) is the same
-  /// one, read again: that keeps its day and machine, of its training what is not known any more, and a comparison that
-  /// could not be made again with the same row.
+  /// one, read again: that keeps its day and machine, and a comparison that could not be made again with the same row.
+  /// Of the same training of a seed, what is not known any more is kept also where the row is evaluated otherwise.
   void Keep(const ResultRow& row, ResultReport report);
   /// Of `row` as it is defined now, in the order of its seeds.
   std::vector<ResultReport> Find(const ResultRow& row) const;

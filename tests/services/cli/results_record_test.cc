@@ -150,6 +150,31 @@ TEST(ResultRecords, NeverMixTwoDefinitionsOfARow) {
   EXPECT_THAT(records.Find(other_scenes), IsEmpty());
 }
 
+// the data may have been removed since, while the run is still there to be evaluated
+TEST(ResultRecords, WhatIsKnownOfATrainingStaysWhereOnlyTheEvaluationIsDefinedAnew) {
+  ResultRecords records;
+  ResultReport known = Report(1, 7);
+  known.training_s = 276;
+  known.train = 80;
+  known.valid = 20;
+  records.Keep(Row("a"), known);
+  ResultRow other_scenes = Row("a");
+  other_scenes.eval.seed = 77;
+  records.Keep(other_scenes, Report(1, 9));
+  const auto kept = records.Find(other_scenes);
+  ASSERT_EQ(kept.size(), 1U);
+  EXPECT_EQ(kept[0].report["overall"]["successes"], 9);
+  EXPECT_EQ(kept[0].training_s, 276);
+  EXPECT_EQ(kept[0].train, 80U);
+  EXPECT_EQ(kept[0].valid, 20U);
+
+  ResultRow longer = other_scenes;
+  longer.train.minutes = 20;
+  records.Keep(longer, Report(1, 9));
+  ASSERT_EQ(records.Find(longer).size(), 1U);
+  EXPECT_EQ(records.Find(longer)[0].train, 0U) << "another training";
+}
+
 TEST(ResultRecords, WordsGoalAndSeedsOfARowAreNotItsDefinition) {
   ResultRecords records;
   records.Keep(Row("a"), Report(1, 7));
