@@ -241,7 +241,7 @@ struct Observation {
   std::string server;  ///< Presence::instance of the policy server that is asked; "": whichever serves the run
 };
 
-/// Why an observation is not answered with waypoints.
+/// Why an observation is not answered with waypoints. kFailed: what comes out is no number, and would be none again.
 enum class Refusal : std::uint8_t { kNone = 0, kDoesNotFit = 1, kNotTrained = 2, kFailed = 3 };
 
 /// policy server -> robot, keyed by session, in the partition of its address.

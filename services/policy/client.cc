@@ -19,8 +19,8 @@ constexpr std::chrono::milliseconds kAskAgainAfterRefusal{500};
 
 Result<Answer> AnswerOf(const bus::Action& action) {
   if (action.rotation != kRotationFormat)
-    return Fail(Code::kCorrupt, fmt::format("policy '{}' answered rotations as '{}', expected '{}'", action.run,
-                                            action.rotation, kRotationFormat));
+    return Fail(Code::kInvalidArgument, fmt::format("policy '{}' answered rotations as '{}', expected '{}'", action.run,
+                                                    action.rotation, kRotationFormat));
   if (!AreWaypoints(action.waypoints))
     return Fail(Code::kCorrupt, fmt::format("policy '{}' answered {} numbers, expected {}, all of them finite",
                                             action.run, action.waypoints.size(), kWaypoints * kWaypointSize));
@@ -110,6 +110,8 @@ Result<Answer> Client::Ask(const Question& question) {
     if (action->refusal == bus::Refusal::kDoesNotFit)
       return Fail(Code::kInvalidArgument,
                   fmt::format("ask the policy of run '{}': {}", impl.run.text(), action->error));
+    if (action->refusal == bus::Refusal::kFailed)
+      return Fail(Code::kCorrupt, fmt::format("ask the policy of run '{}': {}", impl.run.text(), action->error));
     // e.g. no checkpoint yet: ask again later
     last = action->error;
     WaitForStop(kAskAgainAfterRefusal);

@@ -32,10 +32,10 @@ class Client {
   ~Client();
 
   /// @error kUnavailable: no answer within the patience, or the server's own refusal that may pass; kInvalidArgument:
-  /// the policy was trained for something else, or the name means several policy servers (the message lists them);
-  /// kCorrupt: waypoints of a wrong number, not finite, or with rotations written in another way than here; kTimeout: a
-  /// stop was requested meanwhile. A rotation is NaN where a network's six numbers are none (zero, parallel): who
-  /// drives refuses it.
+  /// the policy was trained for something else, its rotations are written in another way than here, or the name means
+  /// several policy servers (the message lists them); kCorrupt: of this question the policy makes nothing that can be
+  /// followed, waypoints of a wrong number or not finite, and would again; kTimeout: a stop was requested meanwhile. A
+  /// rotation is NaN where a network's six numbers are none (zero, parallel): who drives refuses it.
   Result<Answer> Ask(const Question& question);
 
  private:

@@ -165,13 +165,11 @@ bus::Action Model::Answer(const bus::Observation& observation) const {
       action.error = "this policy has no module that decodes a trajectory";
     else if (!std::all_of(action.waypoints.begin(), action.waypoints.end(), [](float x) { return std::isfinite(x); }))
       action.error = "the policy's answer is not finite";
+    if (!action.error.empty()) action.refusal = bus::Refusal::kFailed;
   } catch (const std::exception& error) {
-    action.error = fmt::format("evaluate the policy: {}", error.what());
+    action.error = fmt::format("evaluate the policy: {}", error.what());  // a device's memory may be there again later
   }
-  if (!action.error.empty()) {
-    action.waypoints.clear();
-    action.refusal = bus::Refusal::kFailed;
-  }
+  if (!action.error.empty()) action.waypoints.clear();
   return action;
 }
 

@@ -176,7 +176,8 @@ void PolicyServer::Impl::PublishStatus(Front& at) {
     Log().debug("cannot say what is served: {}", written.error().message);
 }
 
-// One that may not drive yet never takes the place of one that may; until there is one its refusals are the answers.
+// One that may not drive yet, or answers what is no number, never takes the place of one that may; until there is one
+// its refusals are the answers.
 void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) {
   const Served current = Current();
   const auto& kept = current.model;
@@ -190,6 +191,13 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
                stays ? fmt::format("step {} serves on", kept->metadata().step)
                      : "observations are answered with this refusal");
     if (stays) return;
+  } else if (const auto trial = fresh->Answer(fresh->Trial());
+             kept && kept->untrained().empty() && trial.refusal == bus::Refusal::kFailed) {
+    ++refused;
+    NoteRefusal(fmt::format("checkpoint of step {}: {}", metadata.step, trial.error));
+    Log().warn("refused a checkpoint run={}@{} step={}: {}; step {} serves on", options.run.name, run_id, metadata.step,
+               trial.error, kept->metadata().step);
+    return;
   } else {
     Log().info("serving run={}@{} step={} stage={} sha256={:.12}", options.run.name, run_id, metadata.step,
                metadata.stage_name, fresh->sha256());

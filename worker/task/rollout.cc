@@ -94,13 +94,16 @@ int Rollout::LatencySteps(const policy::Answer& answer) {
 }
 
 Result<tl::expected<policy::Answer, Verdict>> Rollout::Decide(const policy::AskFunction& ask) {
-  ETUDE_ASSIGN_OR_RETURN(policy::Answer answer, Ask(ask));
-  const std::string refusal = RefusalOf(answer);
+  Result<policy::Answer> asked = Ask(ask);
+  // that it has no answer to this question is the rollout's end; that it cannot be asked is nobody's rollout
+  const bool answered = asked || asked.error().code == Code::kCorrupt;
+  if (!answered) return Fail(std::move(asked).error());
+  const std::string refusal = asked ? RefusalOf(*asked) : asked.error().message;
   if (!refusal.empty())
     return tl::make_unexpected(Verdict{AttemptOutcome::kPolicyError,
                                        fmt::format("step {}: the policy answered {}", runner_->steps(), refusal)});
-  RecordDecision(answer);
-  return answer;
+  RecordDecision(*asked);
+  return std::move(*asked);
 }
 
 Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {

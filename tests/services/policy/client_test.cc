@@ -176,6 +176,18 @@ TEST_F(PolicyClient, WhatItWasNotTrainedForIsNotAskedAgain) {
   EXPECT_EQ(server.asked, 1);
 }
 
+// a network whose numbers are none says so again to the same picture, however long it is asked
+TEST_F(PolicyClient, WhatThePolicyHasNoAnswerToIsNotAskedAgain) {
+  FakeServer server(participant_, "broken", kOne, 1);
+  server.refusal = bus::Refusal::kFailed;
+  auto client = OpenClient("broken");
+  ASSERT_TRUE(client);
+  const auto answer = client->Ask(MakeQuestion());
+  ASSERT_FALSE(answer);
+  EXPECT_EQ(answer.error().code, Code::kCorrupt);
+  EXPECT_EQ(server.asked, 1);
+}
+
 TEST_F(PolicyClient, RotationsWrittenInAnotherWayAreRefused) {
   FakeServer server(participant_, "rotation", kOne, 1);
   server.rotation = "quaternion";
@@ -183,7 +195,7 @@ TEST_F(PolicyClient, RotationsWrittenInAnotherWayAreRefused) {
   ASSERT_TRUE(client);
   const auto answer = client->Ask(MakeQuestion());
   ASSERT_FALSE(answer);
-  EXPECT_EQ(answer.error().code, Code::kCorrupt);
+  EXPECT_EQ(answer.error().code, Code::kInvalidArgument);
   EXPECT_NE(answer.error().message.find("'quaternion'"), std::string::npos) << answer.error().message;
 }
 

@@ -202,6 +202,24 @@ TEST(Rollout, RefusesGarbage) {
   }
 }
 
+// an answer that the policy cannot give ends its rollout as one that cannot be followed does; a policy that is away
+// ends none
+TEST(Rollout, EndsWhereThePolicyHasNoAnswerAndNotWhereNobodyAnswers) {
+  auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  const auto roll_out = [&](Code code) {
+    return runner->Rollout(1, [&](const policy::Question&) { return Fail(code, "its answer is not finite"); });
+  };
+  const auto none = roll_out(Code::kCorrupt);
+  ASSERT_TRUE(none.has_value()) << none.error().message;
+  EXPECT_EQ(none->outcome, AttemptOutcome::kPolicyError);
+  EXPECT_NE(none->reason.find("its answer is not finite"), std::string::npos) << none->reason;
+  EXPECT_EQ(none->episode.steps(), 1);
+  const auto away = roll_out(Code::kUnavailable);
+  ASSERT_FALSE(away.has_value());
+  EXPECT_EQ(away.error().code, Code::kUnavailable);
+}
+
 struct Seen {
   Episode episode;
   std::vector<std::vector<std::uint8_t>> asked;  // pictures of questions
