@@ -193,6 +193,8 @@ Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, 
 Result<std::optional<bus::Participant>> JoinBus(const Arguments& arguments) {
   if (arguments.offline && !arguments.collect.empty())
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
+  if (arguments.offline && !arguments.sign.empty())
+    return Fail(Code::kInvalidArgument, "--sign signs what is published: leave out --offline");
   if (arguments.offline) return std::nullopt;
   std::vector<security::Role> roles{security::Role::kTrainer};
   if (!arguments.collect.empty()) roles.push_back(security::Role::kCollector);

@@ -485,14 +485,15 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   LogFolders(*run->dataset, *snapshot, *run->validation);
   if (state && !run->config.init.freeze.empty()) Log().info("frozen: {}", fmt::join(run->config.init.freeze, ", "));
   if (!options.follow && run->dataset->unread() > 0)
-    Log().warn("{} episodes could not be read and are left out; `etude dataset check` says why",
+    Log().warn("{} episodes could not be read and are left out; `etude dataset verify --keep` says why",
                run->dataset->unread());
   if (!options.ranks || options.ranks->leads()) {
     ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
     run->log = std::make_unique<MetricsLog>(std::move(opened));
   }
   Log().info(
-      "training '{}': {} parameters, {} replicas, batch {} x {} sentences, {} training and {} validation episodes, "
+      "training '{}': {} parameters to train, {} replicas, batch {} x {} sentences, {} training and {} validation "
+      "episodes, "
       "on {} from step {}",
       config.name, run->optimizer->size(), run->replicas->size(), config.data.batch, config.data.sentences,
       snapshot->episode_count(data::Split::kTrain), run->validation->episodes().size(), options.device.str(),

@@ -64,6 +64,12 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
   }
 }
 
+std::size_t Optimizer::size() const {
+  std::size_t total = 0;
+  for (const auto& segment : segments_) total += segment.count;
+  return total;
+}
+
 void Optimizer::ZeroGradients() {
   const torch::NoGradGuard no_grad;
   for (auto& gradient : gradients_) gradient.zero_();

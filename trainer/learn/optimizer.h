@@ -47,7 +47,7 @@ class Optimizer {
   void ExchangeAverage();
 
   bool averages() const { return average_.defined(); }
-  std::int64_t size() const { return parameters_.numel(); }
+  std::size_t size() const;  ///< numbers that it trains
   /// By parameter: "first/NAME", "second/NAME" (shaped as it), "steps/NAME" (1) and "average/NAME"; "average_steps".
   /// The parameters themselves are the policy's.
   std::map<std::string, torch::Tensor> StateTensors() const;

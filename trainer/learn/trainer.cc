@@ -68,7 +68,7 @@ struct Trainer::Impl {
   Status KeepSteps();
   Status WatchSource();
   void TellRanks();
-  Status SaveWithoutRanks(const Error& lost);
+  Status SaveAndEnd(const Error& lost);
   Status Finish();
   Status NoteEnd(Status ended);
   Status NoteAdvance(const std::optional<curriculum::Advance>& advance);
@@ -169,6 +169,12 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
   }
+  // before anything of it is kept: the state that a run is resumed from is the only one
+  if (!std::isfinite(run.evaluation.metrics["loss"]))
+    return Fail(Code::kInternal,
+                fmt::format("the validation loss is not finite at step {}; nothing was saved, the last good "
+                            "checkpoint is of step {}; try a lower optimizer.lr",
+                            run.step, run.checkpoint_step));
   run.evaluated_step = run.step;
   for (const auto& [module, error] : run.evaluation.errors)
     if (std::isfinite(error)) run.modules[module].error = error;
@@ -246,14 +252,16 @@ Status Trainer::Impl::Finish() {
     run.config.steps = run.step;
     run.config.minutes = 0;
   }
-  // a stop drains at once; the limit also measures what was reached
-  if (!stopped && run.evaluated_step != run.step) ETUDE_RETURN_IF_ERROR(EvaluateNow(false));
+  // a stop drains at once; the limit also measures what was reached, and keeps it where it cannot be measured
+  const Status measured = !stopped && run.evaluated_step != run.step ? EvaluateNow(false) : Status();
+  if (!measured && measured.error().code == Code::kInternal) return measured;
   if (by_time) {
     ETUDE_RETURN_IF_ERROR(KeepSteps());
   } else if (run.checkpoint_step != run.step) {
     ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
   }
   reporter.Report(!stopped);
+  ETUDE_RETURN_IF_ERROR(measured);
   Log().info("{} at step {} after {}; '{}'", stopped ? "stopped" : "finished", run.step, FormatDuration(run.Elapsed()),
              run.options.out.string());
   return run.log->Sync();
@@ -265,10 +273,12 @@ void Trainer::Impl::TellRanks() {
   if (const auto told = run.options.ranks->Agree({.go = false}); !told) Log().warn("{}", told.error().message);
 }
 
-// The weights are those of the last step that all made.
-Status Trainer::Impl::SaveWithoutRanks(const Error& lost) {
+// The weights are those of the last step that was made (by all ranks): good ones, whether the others have gone or the
+// data cannot be read.
+Status Trainer::Impl::SaveAndEnd(const Error& lost) {
+  if (run.options.ranks) run.options.ranks->Abandon();
+  if (run.step == 0) return Fail(lost);
   stopped = true;
-  run.options.ranks->Abandon();
   ETUDE_RETURN_IF_ERROR(Finish());
   return Fail(lost.Wrap(fmt::format("training stopped at step {} and can be resumed", run.step)));
 }
@@ -295,7 +305,8 @@ Status Trainer::Impl::Loop() {
   reporter.Restart();
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
     const Status made = TrainStep();
-    if (!made && run.options.ranks && made.error().code == Code::kUnavailable) return SaveWithoutRanks(made.error());
+    // weights that are no numbers are not kept
+    if (!made && made.error().code != Code::kInternal) return SaveAndEnd(made.error());
     ETUDE_RETURN_IF_ERROR(made);
     ETUDE_RETURN_IF_ERROR(AfterStep());
     ETUDE_RETURN_IF_ERROR(WatchSource());

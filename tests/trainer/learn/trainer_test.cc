@@ -148,6 +148,42 @@ TEST_F(TrainerTest, StopsOnALossThatIsNotANumberAndSavesNothing) {
   EXPECT_EQ(saved, 0);
 }
 
+// the step itself was finite; what it made of the weights is not
+TEST_F(TrainerTest, SavesNothingWhoseValidationIsNotANumber) {
+  const TrainConfig config = TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0", "curriculum.enabled=false",
+                                         "optimizer.warmup_steps=0", "eval.every_steps=1", "checkpoint.every_steps=1"});
+  int saved = 0;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
+    ++saved;
+    return {};
+  };
+  const Status status = Train(config, folder_ / "run", false, hooks);
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("the validation loss is not finite at step 1; nothing was saved"));
+  EXPECT_EQ(saved, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "run" / "training_state.safetensors"));
+}
+
+// a file system that has gone, say: what was learned until then is good
+TEST_F(TrainerTest, KeepsWhatItLearnedWhereTheDataCannotBeReadAnyMore) {
+  const TrainConfig config =
+      TinyConfig({"steps=100000", "data.cache_mb=0", "eval.every_steps=100000", "checkpoint.every_steps=2"});
+  std::uint64_t saved = 0;  // of which step
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& checkpoint) -> Status {
+    saved = checkpoint.metadata.step;
+    for (const auto& file : std::filesystem::recursive_directory_iterator(folder_ / "d"))
+      if (file.path().extension() == ".hdf5") std::filesystem::resize_file(file.path(), 100);
+    return {};
+  };
+  const Status status = Train(config, folder_ / "run", false, hooks);
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("and can be resumed"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "run" / "training_state.safetensors"));
+  EXPECT_THAT(status.error().message, HasSubstr(fmt::format("at step {} ", saved))) << "the last step is kept";
+}
+
 TEST_F(TrainerTest, RefusesToResumeAnotherArchitecture) {
   ASSERT_TRUE(Train(TinyConfig({"steps=2"}), folder_ / "run"));
 
