@@ -15,6 +15,7 @@
 #include "services/core/hash.h"
 #include "services/core/link.h"
 #include "services/core/log.h"
+#include "services/core/printable.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -45,7 +46,7 @@ OrderedJson MetadataJson(const std::map<std::string, std::string>& metadata) {
 std::string DrivesText(const std::map<std::string, std::string>& metadata) {
   const auto refused = metadata.find("refused");
   if (refused == metadata.end()) return "not said by this older checkpoint; the policy server decides";
-  return refused->second.empty() ? "yes" : "NO, the policy server refuses it: " + refused->second;
+  return refused->second.empty() ? "yes" : "NO, the policy server refuses it: " + Printable(refused->second);
 }
 
 // "60.0 degrees, camera at (0.00, 1.50, 1.00) m"; of one that differs from episode to episode, that it does
@@ -68,8 +69,9 @@ std::string EmbodimentText(const OrderedJson& embodiment) {
   const auto number = [&](const char* key) {
     return embodiment.contains(key) && embodiment[key].is_number() ? embodiment[key].get<double>() : 0.0;
   };
-  const std::string robot =
-      embodiment.contains("robot") && embodiment["robot"].is_string() ? embodiment["robot"].get<std::string>() : "?";
+  const std::string robot = embodiment.contains("robot") && embodiment["robot"].is_string()
+                                ? Printable(embodiment["robot"].get<std::string>())
+                                : "?";
   return fmt::format("{}, {} joints, pictures of {}x{} px, {}", robot, number("joints"), number("width"),
                      number("height"), CameraText(embodiment, number("fovy")));
 }
@@ -82,7 +84,7 @@ std::string ModulesText(const OrderedJson& modules) {
     const auto field = [&, &record = record](const char* key) {
       return record.is_object() && record.contains(key) && record[key].is_number() ? record[key].dump() : "-";
     };
-    text += fmt::format("  {:<12} {:>8} steps   error {}\n", name, field("trained_steps"), field("error"));
+    text += fmt::format("  {:<12} {:>8} steps   error {}\n", Printable(name), field("trained_steps"), field("error"));
   }
   return text;
 }
@@ -90,7 +92,7 @@ std::string ModulesText(const OrderedJson& modules) {
 void PrintSummary(const std::map<std::string, std::string>& text, const OrderedJson& metadata) {
   const auto word = [&](const char* key) {
     const auto found = text.find(key);
-    return found == text.end() ? std::string("?") : found->second;
+    return found == text.end() ? std::string("?") : Printable(found->second);
   };
   const auto part = [&](const char* key) { return metadata.contains(key) ? metadata[key] : OrderedJson(); };
   fmt::print("run: {}, step {}, stage {} of {} ({})\n", word("run"), word("step"), word("stage"), word("stages"),
@@ -99,7 +101,7 @@ void PrintSummary(const std::map<std::string, std::string>& text, const OrderedJ
   fmt::print("data: {} demonstrations, fingerprint {:.12}\n", word("train_episodes"), word("dataset"));
   fmt::print("may drive a robot: {}\n", DrivesText(text));
   fmt::print("modules (errors: 1 - accuracy, px or m):\n{}", ModulesText(part("modules")));
-  fmt::print("last validation:\n{}", ToYaml(part("metrics")));
+  fmt::print("last validation:\n{}", PrintableLines(ToYaml(part("metrics"))));
 }
 
 struct ShowArguments {
@@ -125,9 +127,10 @@ Status ShowCheckpoint(const ShowArguments& arguments) {
   std::uint64_t numbers = 0;
   for (const auto& [name, tensor] : content->tensors) numbers += ElementCount(tensor);
   if (arguments.all) {
-    fmt::print("metadata:\n{}tensors:\n", ToYaml(metadata));
+    fmt::print("metadata:\n{}tensors:\n", PrintableLines(ToYaml(metadata)));
     for (const auto& [name, tensor] : content->tensors)
-      fmt::print("  {:<48} {:<5} [{}]\n", name, store::ToString(tensor.dtype), fmt::join(tensor.shape, ", "));
+      fmt::print("  {:<48} {:<5} [{}]\n", Printable(name), store::ToString(tensor.dtype),
+                 fmt::join(tensor.shape, ", "));
   }
   fmt::print("{} tensors, {} numbers (--all: each, and every setting; etude policy graph FILE: who reads what)\n",
              content->tensors.size(), numbers);

@@ -14,4 +14,15 @@ std::string Printable(std::string line) {
   return line;
 }
 
+std::string PrintableLines(const std::string& text) {
+  std::string lines;
+  for (std::size_t from = 0; from < text.size();) {
+    const std::size_t end = std::min(text.find('\n', from), text.size());
+    lines += Printable(text.substr(from, end - from));
+    if (end < text.size()) lines += '\n';
+    from = end + 1;
+  }
+  return lines;
+}
+
 }  // namespace etude

@@ -81,6 +81,9 @@ Status CheckServing(const Arguments& arguments) {
     return Fail(Code::kInvalidArgument, "--verify is of published checkpoints: it needs --subscribe RUN");
   if (!arguments.relay.empty() && arguments.subscribe.empty())
     return Fail(Code::kInvalidArgument, "--relay is of published checkpoints: it needs --subscribe RUN");
+  if (!arguments.run.empty() && arguments.checkpoint.empty())
+    return Fail(Code::kInvalidArgument,
+                "--run names what a --checkpoint is served as: with --subscribe the run has its name");
   return CheckRobotDomain(arguments.robots, RunDomainOf(arguments));
 }
 
@@ -145,18 +148,6 @@ Result<checkpoint::Metadata> ReadGraph(const std::string& text) {
   ETUDE_ASSIGN_OR_RETURN(metadata.policy, FromJson<policy::PolicyConfig>(json, text));
   ETUDE_RETURN_IF_ERROR(metadata.policy.Validate());
   return metadata;
-}
-
-// names in a checkpoint's file may hold what moves a terminal's cursor
-std::string PrintableLines(const std::string& text) {
-  std::string lines;
-  for (std::size_t from = 0; from < text.size();) {
-    const std::size_t end = std::min(text.find('\n', from), text.size());
-    lines += Printable(text.substr(from, end - from));
-    if (end < text.size()) lines += '\n';
-    from = end + 1;
-  }
-  return lines;
 }
 
 Status DrawGraph(const std::string& text, const std::string& svg) {

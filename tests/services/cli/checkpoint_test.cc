@@ -78,6 +78,18 @@ TEST_F(CheckpointCli, CheckpointShowSaysWhetherItMayDriveARobot) {
   EXPECT_THAT(said("bad.safetensors"), HasSubstr("may drive a robot: NO, the policy server refuses it: DISP was not"));
 }
 
+TEST_F(CheckpointCli, CheckpointShowPrintsNothingThatMovesACursor) {
+  WriteCheckpoint("a.safetensors", {{"run", "a\x1b[2Jb"},
+                                    {"refused", "no\x1b[1A"},
+                                    {"embodiment", R"({"robot": "ur5\u001b[1A"})"},
+                                    {"modules", R"({"TAR3D\u001b[1A": {"error": 1}})"},
+                                    {"metrics", R"({"loss\u001b[1A": 1})"}});
+  const Outcome shown = Etude({"checkpoint", "show", "--all", In("a.safetensors")});
+  EXPECT_EQ(shown.exit_code, kExitOk) << shown.text;
+  EXPECT_THAT(shown.text, HasSubstr("NO, the policy server refuses it: no [1A"));
+  EXPECT_THAT(shown.text, testing::Not(HasSubstr("\x1b")));
+}
+
 TEST_F(CheckpointCli, WatchingNamesARunAndAChannel) {
   EXPECT_EQ(Etude({"checkpoint", "watch", "--out", In("w")}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"checkpoint", "watch", "--run", "x", "--out", In("w"), "--channel", "newest"}).exit_code,

@@ -17,5 +17,10 @@ TEST(Printable, HasNothingThatMovesACursor) {
   EXPECT_EQ(Printable(""), "");
 }
 
+TEST(PrintableLines, KeepTheirEnds) {
+  EXPECT_EQ(PrintableLines("a\x1b[1A\nb\n\nc"), "a [1A\nb\n\nc");
+  EXPECT_EQ(PrintableLines(""), "");
+}
+
 }  // namespace printable_test
 }  // namespace etude
