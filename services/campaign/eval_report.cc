@@ -211,6 +211,8 @@ EvalSubject SubjectOf(const OrderedJson& report) {
   return subject;
 }
 
+std::uint64_t RolloutsOf(const OrderedJson& report) { return report.is_object() ? UnsignedOr0(report, "done") : 0; }
+
 RolloutRow RowOf(const Episode& rollout) {
   RolloutRow row;
   row.index = rollout.index;

@@ -65,6 +65,8 @@ struct EvalSubject {
 };
 /// As an earlier report says it; empty where that is none.
 EvalSubject SubjectOf(const OrderedJson& report);
+/// How many rollouts `report` is of; 0: it does not say.
+std::uint64_t RolloutsOf(const OrderedJson& report);
 
 /// Reads what the worker recorded in episode.details: "success_latched", "violations" (a list of {"kind", ...}),
 /// "disturbed_objects", "latency_steps", "occlusion" ({"covered"}), "pushes" (a list), "pushes_missed", and

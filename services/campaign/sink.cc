@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/campaign/sink.h"
 
+#include <fmt/format.h>
+
+#include <filesystem>
 #include <map>
 #include <optional>
 
@@ -45,10 +48,37 @@ std::string LineOf(const RolloutRow& row) { return JsonText(RowJson(row)); }
 
 constexpr double kReportEvery = 2;  // s; the report of 400 rollouts is 200 kB
 
-// What was evaluated when the folder was made.
-EvalSubject Remember(const Path& out, EvalSubject subject) {
+OrderedJson ReadReport(const Path& out) {
   const auto text = ReadTextFile(out / "eval.json", 256 << 20);
-  const EvalSubject before = text ? SubjectOf(ParseBoundedJson(*text).value_or(OrderedJson())) : EvalSubject();
+  return text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+}
+
+// One report is of one policy, and of rollouts that are there.
+Status CheckReport(const Path& out, const OrderedJson& report, bool has_rollouts, const EvalSubject& subject) {
+  const auto refuse = [&](const std::string& why) {
+    return Fail(Code::kInvalidArgument, fmt::format("evaluate into '{}': {}; give another --out", out.string(), why));
+  };
+  if (!has_rollouts) {
+    const std::uint64_t done = RolloutsOf(report);
+    return done == 0 ? Status()
+                     : refuse(fmt::format("its eval.json reports {} rollouts that are not there any more, and would be "
+                                          "written anew",
+                                          done));
+  }
+  const EvalSubject before = SubjectOf(report);
+  const auto differ = [](const std::string& a, const std::string& b) { return !a.empty() && !b.empty() && a != b; };
+  if (differ(before.run_id, subject.run_id))
+    return refuse(fmt::format("it has rollouts of run {}@{}, not of {}@{}", before.run, before.run_id, subject.run,
+                              subject.run_id));
+  if (differ(before.sha256, subject.sha256))
+    return refuse(fmt::format("it has rollouts of checkpoint {:.12} (step {}), not of {:.12} (step {})", before.sha256,
+                              before.step, subject.sha256, subject.step));
+  return {};
+}
+
+// What was evaluated when the folder was made.
+EvalSubject Remember(const OrderedJson& report, EvalSubject subject) {
+  const EvalSubject before = SubjectOf(report);
   if (subject.sha256.empty() && !before.sha256.empty()) subject = before;
   subject.created = before.created > 0 ? before.created : WallSeconds();
   return subject;
@@ -176,8 +206,12 @@ Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const 
 
 Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec,
                                                   const EvalSubject& subject) {
+  const OrderedJson report = ReadReport(folder);
+  std::error_code missing;
+  const bool has_rollouts = std::filesystem::exists(folder / "rollouts", missing);
+  ETUDE_RETURN_IF_ERROR(CheckReport(folder, report, has_rollouts, subject));
   ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder / "rollouts", spec));
-  auto sink = std::make_unique<EvalSink>(folder, spec, Remember(folder, subject), std::move(writer));
+  auto sink = std::make_unique<EvalSink>(folder, spec, Remember(report, subject), std::move(writer));
   ETUDE_RETURN_IF_ERROR(sink->Restore());
   return sink;
 }

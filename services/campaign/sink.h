@@ -49,6 +49,7 @@ Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const 
 /// Mode rollout: FOLDER/rollouts, a dataset of them; FOLDER/eval.jsonl, a row with every rollout, so that an
 /// evaluation can be watched; and FOLDER/eval.json, the report, rewritten every few seconds and at the end.
 /// @param subject  what is evaluated; of one that names no checkpoint the report that is there already has the word
+/// @error kInvalidArgument: the report that is there is of another run or checkpoint, or of rollouts that are not there
 Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec,
                                                   const EvalSubject& subject = {});
 /// By spec.mode.

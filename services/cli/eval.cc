@@ -23,6 +23,7 @@
 #include "services/core/printable.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
+#include "services/store/safetensors.h"
 
 namespace etude::cli {
 namespace {
@@ -68,16 +69,30 @@ std::string TrainedAs(const Path& checkpoint) {
   return identity ? identity->id : "";
 }
 
+// The policy server would refuse every question.
+Status CheckMayDrive(std::span<const std::uint8_t> checkpoint, const std::string& name) {
+  ETUDE_ASSIGN_OR_RETURN(const auto head, store::DecodeSafetensors(checkpoint, [](std::string_view) { return false; }));
+  const auto refused = head.metadata.find("refused");
+  if (refused == head.metadata.end() || refused->second.empty()) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("--checkpoint '{}' may not drive a robot yet: {}", name, Printable(refused->second)));
+}
+
 // A server of our own, under an id that only this evaluation knows.
 Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
-  const auto bytes = ReadBinaryFile(arguments.checkpoint);
+  // a run's `latest` is a link that moves while it trains: what is measured is the file that it names now
+  std::error_code missing;
+  Path file = std::filesystem::canonical(arguments.checkpoint, missing);
+  if (missing) file = arguments.checkpoint;
+  const auto bytes = ReadBinaryFile(file);
   if (!bytes) return Fail(Code::kInvalidArgument, "--checkpoint: " + bytes.error().message);
   // read here once: a policy server that cannot would be started again and again
-  auto subject = SubjectOfCheckpoint(*bytes, arguments.checkpoint);
+  auto subject = SubjectOfCheckpoint(*bytes, file);
   if (!subject) return Fail(subject.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
+  ETUDE_RETURN_IF_ERROR(CheckMayDrive(*bytes, arguments.checkpoint));
   const Selector run{"eval-" + subject->sha256.substr(0, 12), NewId()};
-  subject->run_id = TrainedAs(arguments.checkpoint);
-  std::vector<std::string> serve{"--checkpoint", arguments.checkpoint, "--run", run.text()};
+  subject->run_id = TrainedAs(file);
+  std::vector<std::string> serve{"--checkpoint", file.string(), "--run", run.text()};
   if (arguments.any_camera) serve.emplace_back("--any-camera");
   return PolicyChoice{run, ServiceOf(arguments, std::move(serve)), std::move(*subject)};
 }

@@ -126,6 +126,12 @@ Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec) 
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
                              const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
                              const std::function<Status()>& watch) {
+  // a run that was evaluated before it trained on, say
+  const auto before = ReadTextFile(options.out / "eval.json");
+  const OrderedJson known = before ? ParseBoundedJson(*before).value_or(OrderedJson()) : OrderedJson();
+  if (campaign::RolloutsOf(known) >= spec.episodes)
+    display.Say(fmt::format("all {} rollouts are in '{}' already: another --out evaluates again", spec.episodes,
+                            options.out.string()));
   HostOptions with_subject = host;
   with_subject.subject = options.subject;
   ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec, with_subject));

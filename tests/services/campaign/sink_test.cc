@@ -82,6 +82,35 @@ TEST(EvalSink, ARolloutIsARowAtOnceAndTheReportSaysOfWhat) {
   EXPECT_EQ(row["wall_s"], 1.5);
 }
 
+TEST(EvalSink, OneReportIsOfOnePolicy) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = RolloutSpec();
+  const EvalSubject first{.run_id = "00112233445566aa", .run = "demo", .sha256 = std::string(64, 'a'), .step = 900};
+  {
+    auto sink = OpenSink(folder.path(), spec, first);
+    ASSERT_THAT(sink, IsOk());
+    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
+    ASSERT_THAT((*sink)->WriteIndex(), IsOk());
+  }
+  const std::string report = ReadTextFile(folder / "eval.json").value();
+  EvalSubject other_run = first, other_checkpoint = first;
+  other_run.run_id = "ffeeddccbbaa9988";
+  other_checkpoint.sha256 = std::string(64, 'b');
+  EXPECT_THAT(OpenSink(folder.path(), spec, other_run), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(OpenSink(folder.path(), spec, other_checkpoint), HasCode(Code::kInvalidArgument));
+  EXPECT_EQ(ReadTextFile(folder / "eval.json").value(), report);
+  EXPECT_THAT(OpenSink(folder.path(), spec, first), IsOk());
+}
+
+// somebody kept the report, and not the gigabytes that it is of
+TEST(EvalSink, AReportWithoutItsRolloutsIsNotWrittenAnew) {
+  const TemporaryFolder folder;
+  const std::string report = R"({"done": 3, "policy": {"run": "demo"}})";
+  ASSERT_TRUE(WriteFileAtomically(folder / "eval.json", std::string_view(report)));
+  EXPECT_THAT(OpenSink(folder.path(), RolloutSpec()), HasCode(Code::kInvalidArgument));
+  EXPECT_EQ(ReadTextFile(folder / "eval.json").value(), report);
+}
+
 TEST(EvalSink, GoesOnWhereItStoppedWithoutARowTwice) {
   const TemporaryFolder folder;
   const CampaignSpec spec = RolloutSpec();

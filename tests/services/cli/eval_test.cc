@@ -21,6 +21,15 @@ TEST_F(EvalCli, EvalRefusesWhatIsNoCheckpointBeforeAnythingStarts) {
   EXPECT_THAT(outcome.text, Not(HasSubstr("started again")));
 }
 
+// the policy server would refuse each question, and the evaluation would wait for another answer
+TEST_F(EvalCli, EvalRefusesAPolicyThatMayNotDrive) {
+  WriteCheckpoint("a.safetensors", {{"run", "demo"}, {"refused", "CTRL has 0 trained steps"}});
+  const Outcome outcome = Etude({"eval", "--checkpoint", In("a.safetensors"), "--out", In("eval"), "--domain", "81"});
+  EXPECT_EQ(outcome.exit_code, kExitUsage) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("may not drive a robot yet: CTRL has 0 trained steps"));
+  EXPECT_FALSE(std::filesystem::exists(In("eval")));
+}
+
 TEST_F(EvalCli, EvalOfARunThatIsNotThereSaysSoInsteadOfWaiting) {
   const Outcome outcome = Etude({"eval", "--subscribe", "nobody", "--out", In("eval"), "--domain", "81"});
   EXPECT_EQ(outcome.exit_code, kExitMachine) << outcome.text;
