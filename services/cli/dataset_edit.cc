@@ -170,21 +170,8 @@ Status Split(const EditArguments& arguments) {
   return {};
 }
 
-Status Merge(const EditArguments& arguments) {
-  store::MergeReport report;
-  {
-    ProgressDisplay display;
-    const std::vector<Path> datasets(arguments.datasets.begin(), arguments.datasets.end());
-    ETUDE_ASSIGN_OR_RETURN(
-        report, store::MergeDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "merged")));
-  }
-  fmt::print("{}: {} episodes{}\n", arguments.out, report.episodes,
-             report.renumbered ? ", numbered anew: the datasets are of different specs" : "");
-  return {};
-}
-
-Status Link(const EditArguments& arguments) {
-  const std::vector<Path> datasets(arguments.datasets.begin(), arguments.datasets.end());
+// Shards of one campaign made on hosts, or with files of robots and objects, that differ are not one dataset.
+Status CheckHosts(const std::vector<Path>& datasets) {
   std::set<std::string> determinisms;
   for (const Path& dataset : datasets) {
     ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
@@ -192,6 +179,38 @@ Status Link(const EditArguments& arguments) {
   }
   for (const std::string& determinism : determinisms)
     ETUDE_RETURN_IF_ERROR(campaign::CheckHostsAgree(datasets, determinism));
+  return {};
+}
+
+// Datasets of different specs may be of different hosts: they are numbered anew, and nobody collects there again.
+Result<bool> AreOneSpec(const std::vector<Path>& datasets) {
+  std::set<std::string> hashes;
+  for (const Path& dataset : datasets) {
+    ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
+    hashes.insert(reader.spec_sha256());
+  }
+  return hashes.size() == 1;
+}
+
+Status Merge(const EditArguments& arguments) {
+  const std::vector<Path> datasets(arguments.datasets.begin(), arguments.datasets.end());
+  ETUDE_ASSIGN_OR_RETURN(const bool one_spec, AreOneSpec(datasets));
+  if (one_spec) ETUDE_RETURN_IF_ERROR(CheckHosts(datasets));
+  store::MergeReport report;
+  {
+    ProgressDisplay display;
+    ETUDE_ASSIGN_OR_RETURN(
+        report, store::MergeDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "merged")));
+  }
+  if (one_spec && !report.renumbered) ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
+  fmt::print("{}: {} episodes{}\n", arguments.out, report.episodes,
+             report.renumbered ? ", numbered anew: the datasets are of different specs" : "");
+  return {};
+}
+
+Status Link(const EditArguments& arguments) {
+  const std::vector<Path> datasets(arguments.datasets.begin(), arguments.datasets.end());
+  ETUDE_RETURN_IF_ERROR(CheckHosts(datasets));
   store::LinkReport report;
   {
     ProgressDisplay display;

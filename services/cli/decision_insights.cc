@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <span>
 
+#include "services/cli/file_names.h"
 #include "services/codec/frame.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
@@ -101,6 +102,7 @@ Result<bool> WriteInsightsOf(const Episode& rollout, const InsightFunction& ask,
 
 // A rollout that was made anew since has none yet; it is read only where there is a file to hold against it.
 Result<bool> IsKept(const Path& path, const store::DatasetReader& rollouts, std::uint64_t index) {
+  if (!IsMadeOf(path, store::EpisodePath(rollouts.path(), index))) return false;
   const auto kept = policy::InsightFile::Open(path);
   if (!kept) return false;
   ETUDE_ASSIGN_OR_RETURN(const store::EpisodeRecord record, rollouts.Read(index));

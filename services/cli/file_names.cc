@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "services/core/file.h"
 
@@ -35,6 +36,14 @@ Result<std::string> CheckpointFileName(const std::string& channel, std::uint64_t
 
 std::string VideoFileName(std::uint64_t index, const std::string& task, const std::string& outcome) {
   return fmt::format("{:06}-{}-{}.mp4", index, FileWord(task), FileWord(outcome));
+}
+
+bool IsMadeOf(const Path& derived, const Path& source) {
+  std::error_code missing;
+  const auto made = std::filesystem::last_write_time(derived, missing);
+  if (missing) return false;
+  const auto of = std::filesystem::last_write_time(source, missing);
+  return !missing && made >= of;
 }
 
 }  // namespace etude::cli

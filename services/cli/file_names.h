@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "services/core/file.h"
 #include "services/core/result.h"
 
 namespace etude::cli {
@@ -15,5 +16,8 @@ Result<std::string> CheckpointFileName(const std::string& channel, std::uint64_t
 
 /// "000012-pick-timeout.mp4"; whatever is not a letter, a digit or one of "_+-" becomes "_", and words are cut.
 std::string VideoFileName(std::uint64_t index, const std::string& task, const std::string& outcome);
+
+/// Whether `derived` is there and not older than `source`, which may have been made anew since.
+bool IsMadeOf(const Path& derived, const Path& source);
 
 }  // namespace etude::cli

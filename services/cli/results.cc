@@ -171,22 +171,24 @@ class Maker {
     return {};
   }
 
-  // the run of the same seed, else of the first one that is there; of a run that was stopped, the latest checkpoint is
-  // not what the row's training makes
+  // the run of the same seed; where the row is not trained with that one, of the first one that is there. Of a run that
+  // was stopped, the latest checkpoint is not what the row's training makes
   Result<Path> InitOf(const ResultRow& row, std::uint64_t seed) const {
     const ResultRow& init = *std::ranges::find(config_.rows, row.train.init, &ResultRow::name);
     ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, init));
-    std::vector<std::uint64_t> candidates{seed};
-    candidates.insert(candidates.end(), init.train.seeds.begin(), init.train.seeds.end());
+    const auto& seeds = init.train.seeds;
+    const bool has_seed = std::ranges::find(seeds, seed) != seeds.end();
+    const std::vector<std::uint64_t> candidates = has_seed ? std::vector{seed} : seeds;
     std::error_code ignored;
     for (const std::uint64_t candidate : candidates) {
       const Path run = RunOf(init.name, candidate);
       Path file = CheckpointOf(run);
       if (IsWholeRun(run) && fs::exists(file, ignored)) return file;
     }
-    return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', of which no run in '{}' has come to its end: "
-                                             "leave out --row, or name both",
-                                             row.name, init.name, (out_ / "runs").string()));
+    return Fail(Code::kNotFound,
+                fmt::format("row '{}' begins with '{}', of which no run of seed {} in '{}' has come to "
+                            "its end: leave out --row, or name both",
+                            row.name, init.name, fmt::join(candidates, ", "), (out_ / "runs").string()));
   }
 
   // how the run begins; one that was stopped goes on as what it is
@@ -346,6 +348,12 @@ Status Results(const ResultsArguments& arguments) {
                 fmt::format("--write '{}': its name is that of the records, which are kept beside "
                             "the table as .json; give the table's, say {}",
                             arguments.write, Path(table.file).replace_extension(".md").string()));
+  std::error_code none;
+  if (fs::exists(table.file, none) && fs::file_size(table.file, none) > 0 && !fs::exists(table.record_file(), none))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("write '{}': it is there, and its records '{}' are not: the table of what is measured now "
+                            "would take its place; give another --write, or move it away",
+                            table.file.string(), table.record_file().string()));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   Maker maker(arguments, config);

@@ -178,7 +178,7 @@ Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, 
   std::vector<Path> videos;
   for (const auto& candidate : candidates) {
     const Path path = folder / candidate.name;
-    if (!std::filesystem::exists(path)) {
+    if (!IsMadeOf(path, store::EpisodePath(rollouts, candidate.index))) {
       ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(candidate.index));
       ETUDE_ASSIGN_OR_RETURN(const bool written, WriteRollout(episode, overlay, path));
       if (!written) break;

@@ -2,6 +2,7 @@
 // Tests services/cli/dataset.cc and dataset_edit.cc over datasets that are whole, damaged or not there.
 #include <fmt/format.h>
 
+#include "services/campaign/history.h"
 #include "services/core/command.h"
 #include "tests/services/cli/cli_fixture.h"
 
@@ -129,6 +130,23 @@ TEST_F(DatasetCli, TakesDatasetsApartAndTogether) {
   EXPECT_THAT(Etude({"dataset", "verify", In("parts/valid")}).text, HasSubstr("3 good, 0 bad"));
   EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--index", "9-3"}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--robot", "panda"}).exit_code, kExitFailure);
+}
+
+// made with other files of robots or objects, say: one spec, and not one dataset
+TEST_F(DatasetCli, MergesOnlyShardsOfHostsThatAgree) {
+  WriteDataset("a", {0, 2});
+  WriteDataset("b", {1});
+  for (const char* name : {"a", "b"}) {
+    ASSERT_TRUE(campaign::RememberEpoch(folder_ / name, 1));
+    ASSERT_TRUE(campaign::RememberFiles(folder_ / name, std::string(64, name[0])));
+  }
+  const Outcome other = Etude({"dataset", "merge", In("a"), In("b"), "--out", In("all")});
+  EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
+  EXPECT_THAT(other.text, HasSubstr("hosts that differ"));
+  ASSERT_TRUE(campaign::RememberFiles(folder_ / "b", std::string(64, 'a')));
+  const Outcome same = Etude({"dataset", "merge", In("a"), In("b"), "--out", In("all")});
+  EXPECT_EQ(same.exit_code, kExitOk) << same.text;
+  EXPECT_EQ(campaign::KnownFiles(folder_ / "all"), std::string(64, 'a')) << "who collects there is held to them";
 }
 
 TEST_F(DatasetCli, LinksShards) {

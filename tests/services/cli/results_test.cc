@@ -108,7 +108,7 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   Write("out/runs/a-7/checkpoints/latest.safetensors", "stopped in the middle");
   const CommandOutcome stopped = Make("10", {"--row", "b"});
   EXPECT_EQ(stopped.exit_code, kExitFailure) << stopped.text;
-  EXPECT_THAT(stopped.text, HasSubstr("row 'b' begins with 'a', of which no run in"));
+  EXPECT_THAT(stopped.text, HasSubstr("row 'b' begins with 'a', of which no run of seed 7 in"));
   EXPECT_THAT(stopped.text, Not(HasSubstr("data-b"))) << "asked before anything is collected";
 
   // its seed is one of row a's, not of b's
@@ -122,6 +122,29 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   const CommandOutcome other = Make("10", {"--row", "b"});
   EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
   EXPECT_THAT(other.text, HasSubstr("row 'a' is not what"));
+}
+
+// that one is the other row's beginning of that seed: what is compared with it would begin elsewhere
+TEST_F(Results, ASeedThatBothRowsHaveIsNotReplacedByAnother) {
+  Write("results.yaml",
+        "rows:\n  - name: a\n    title: first\n    data: {campaign: none.yaml}\n"
+        "    train: {minutes: 1, seeds: [7, 8]}\n    eval: {episodes: 10}\n"
+        "  - name: b\n    title: second\n    data: {campaign: none.yaml}\n"
+        "    train: {minutes: 5, init: a, seeds: [8]}\n    eval: {episodes: 10}\n");
+  Write("out/runs/a-7/checkpoints/latest.safetensors", "whole");
+  Write("out/runs/a-7/whole", "\n");
+  const CommandOutcome made = RunEtude(
+      {"results", In("results.yaml"), "--out", In("out"), "--domain", "81", "--row", "b"}, folder_ / "output.txt");
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("row 'b' begins with 'a', of which no run of seed 8 in"));
+}
+
+TEST_F(Results, ATableWithoutItsRecordsIsNotReplaced) {
+  Write("table.md", "mine");
+  const CommandOutcome made = Make("10", {"--row", "a", "--write", In("table.md")});
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("table.json' are not"));
+  EXPECT_EQ(ReadTextFile(folder_ / "table.md").value(), "mine");
 }
 
 TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {

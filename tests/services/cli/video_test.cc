@@ -4,6 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <filesystem>
+
+#include "services/core/file.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
 #include "tests/support/synthetic_episode.h"
@@ -54,6 +58,21 @@ TEST(WriteVideos, FailuresComeFirstAndTheLimitHolds) {
   EXPECT_EQ((*videos)[0].filename(), "000002-put_down-timeout.mp4");
   EXPECT_EQ((*videos)[1].filename(), "000000-pick-success.mp4");
   for (const auto& video : *videos) ExpectMp4(video);
+}
+
+// with another policy, say: its index, task and outcome may be those of the one before
+TEST(WriteVideos, ARolloutThatWasMadeAnewGetsAnotherVideo) {
+  TemporaryFolder folder;
+  WriteRollouts(folder / "rollouts");
+  const auto first = WriteVideos(folder / "rollouts", folder / "videos", 1);
+  ASSERT_TRUE(first) << first.error().message;
+  const Path& video = first->at(0);
+  ASSERT_TRUE(WriteFileAtomically(video, std::string_view("drawn")));
+  ASSERT_TRUE(WriteVideos(folder / "rollouts", folder / "videos", 1));
+  EXPECT_EQ(ReadTextFile(video).value(), "drawn") << "what is there stays";
+  std::filesystem::last_write_time(video, std::filesystem::last_write_time(video) - std::chrono::hours(1));
+  ASSERT_TRUE(WriteVideos(folder / "rollouts", folder / "videos", 1));
+  ExpectMp4(video);
 }
 
 TEST(WriteVideos, OverlaysHaveNamesOfTheirOwnAndAskForWhatTheyShow) {
