@@ -140,6 +140,16 @@ Result<std::optional<bus::Owner>> RunOf(bus::Directory& directory, const Selecto
   return std::optional<bus::Owner>();
 }
 
+// The folder may hold the only copies of a run that has gone; the next run of its name takes its place.
+Status CheckFolder(const Path& folder, const bus::Owner& run) {
+  ETUDE_ASSIGN_OR_RETURN(const auto kept, KeptRun(folder));
+  if (!kept || kept->name == run.name) return {};
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("relay run {}: '{}' keeps the checkpoints of run {}, which would be removed; give another folder",
+                  run.partition(), folder.string(), kept->partition()));
+}
+
 }  // namespace
 
 Status RelayRuns(const bus::Participant& participant, const Selector& selector, const RelayOptions& options,
@@ -153,6 +163,7 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
       Log().info("waiting for run {}: it is not there, and '{}' keeps nothing of it", selector.text(),
                  options.folder.string());
     if (!run) continue;
+    ETUDE_RETURN_IF_ERROR(CheckFolder(options.folder, *run));
     ETUDE_ASSIGN_OR_RETURN(auto relay, Relay::Open(participant, *run, options));
     Log().info("relaying run {} into '{}'", run->partition(), options.folder.string());
     const auto live = directory.Matching(bus::PresenceKind::kRun, {run->name, run->id});

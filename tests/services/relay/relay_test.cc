@@ -20,6 +20,7 @@ namespace relay_test {
 
 using namespace std::chrono_literals;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 constexpr std::uint32_t kDomain = 55;
@@ -218,6 +219,21 @@ TEST_F(RelayTest, IsFoundByTheRunsNameWhileTheRunIsNotThere) {
   EXPECT_EQ(found->id, run_.id);
   const auto run = Begin({});
   ASSERT_TRUE(WaitFor([&] { return directory.FindPublisher(by_name, 1s).value()->kind == bus::PresenceKind::kRun; }));
+}
+
+TEST_F(RelayTest, AFolderOfAnotherNameIsLeftAlone) {
+  const Path folder = folder_ / "relay";
+  {
+    auto relay = OpenRelay(peers_.a);
+    const auto run = Begin({Blob("latest", kStart + 1)});
+    ASSERT_TRUE(StepUntilKept(relay, kStart + 1));
+  }
+  const Status ended =
+      RelayRuns(peers_.b, Selector{"other", "00000000000000aa"}, {.folder = folder}, [] { return false; });
+  ASSERT_FALSE(ended);
+  EXPECT_EQ(ended.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(ended.error().message, HasSubstr("give another folder"));
+  EXPECT_EQ(KeptRun(folder).value()->id, run_.id);
 }
 
 }  // namespace relay_test
