@@ -96,8 +96,8 @@ learn::RunOptions OptionsOf(const Arguments& arguments, const Surroundings& arou
                             .ranks = around.ranks,
                             .device = around.device,
                             .replicas = arguments.ranks > 1 ? ReplicasOfRank(arguments) : 0};
-  // its collector is this process's own: whoever works for it may come tomorrow
-  if (!arguments.collect.empty()) options.patience = std::chrono::hours(24 * 365);
+  // its collector is this process's own, or a service manager keeps both: whoever works for it may come tomorrow
+  if (!arguments.collect.empty() || ServiceManager::IsThere()) options.patience = std::chrono::hours(24 * 365);
   return options;
 }
 

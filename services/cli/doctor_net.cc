@@ -121,7 +121,7 @@ Status WriteProfile(const NetArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const std::string text, StarProfile(cloud, arguments.hubs, arguments.processes));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.profile, text));
   std::error_code ignored;
-  fmt::print("{0}\ncopy it to every host, and there: export CYCLONEDDS_URI=file://{0}\n",
+  fmt::print("{0}\ncopy it to every host, and there: export CYCLONEDDS_URI='file://{0}'\n",
              std::filesystem::absolute(arguments.profile, ignored).string());
   return {};
 }
@@ -161,7 +161,8 @@ std::vector<std::string> Advice(const NetworkReport& report) {
   else if (OtherHosts(report).empty())
     lines.push_back(
         fmt::format("no process of another host was seen: start one there on domain {}, with this profile; UDP "
-                    "ports {} to {} must be open between the hosts, and each must have a way to a hub",
+                    "ports {} to {} must be open between the hosts (all of UDP with ParticipantIndex none, as in "
+                    "lan.xml), and each must have a way to a hub",
                     report.domain, Port(report.domain, 0), Port(report.domain, 249)));
   if (report.rmem_max > 0 && report.rmem_max < bus::kWantedReceiveBuffer)
     lines.push_back(

@@ -112,9 +112,9 @@ class SlurmScript : public Scripts {
     ASSERT_THAT(WriteFileAtomically(folder_ / "spec.yaml", std::string_view("name: \"mine\"  # ours\nepisodes: 3\n")),
                 IsOk());
   }
-  auto Submit(const std::string& more) {
+  auto Submit(const std::string& more, const std::string& by = "") {
     return Run("cd '" + folder_.path().string() +
-               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=1 bash " +
+               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=1 " + by + " bash " +
                std::filesystem::absolute("deploy/slurm/etude.sbatch").string() + " " + more);
   }
 };
@@ -132,6 +132,12 @@ TEST_F(SlurmScript, ACompleteCampaignEndsWell) {
   const auto job = Submit("spec.yaml data");
   EXPECT_EQ(job.code, 0) << job.text;
   EXPECT_THAT(job.text, Not(HasSubstr("all workers have ended")));
+}
+
+// what waits for it with --dependency=afterok began on a part
+TEST_F(SlurmScript, AJobWhoseTimeRanOutHasNotSucceeded) {
+  StandIn("bin/srun", "trap 'exit 0' TERM; while :; do sleep 0.05; done");
+  EXPECT_NE(Submit("spec.yaml data", "timeout --preserve-status --signal TERM 2").code, 0);
 }
 
 TEST_F(SlurmScript, TheCollectorsErrorIsTheJobs) {
