@@ -56,7 +56,8 @@ OrderedJson ReadReport(const Path& out) {
 // One report is of one policy, and of rollouts that are there.
 Status CheckReport(const Path& out, const OrderedJson& report, bool has_rollouts, const EvalSubject& subject) {
   const auto refuse = [&](const std::string& why) {
-    return Fail(Code::kInvalidArgument, fmt::format("evaluate into '{}': {}; give another --out", out.string(), why));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("evaluate into '{}': {}; give another --out, or move it away", out.string(), why));
   };
   if (!has_rollouts) {
     const std::uint64_t done = RolloutsOf(report);

@@ -47,6 +47,7 @@ struct InsightClient::Impl {
     if (connection) (void)Wish(0);
   }
   Status Connect();
+  bool ServerWasReplaced();
   void Suppose(const std::string& what_if_json);
   Status Wish(std::uint32_t seconds);
   Result<bus::Insight> Ask(bus::Observation observation);
@@ -64,7 +65,15 @@ Status InsightClient::Impl::Connect() {
   // a wish that is written before the server's reader is found is lost
   wishes.WaitForReaders(1, kMeet);
   connection.emplace(Connection{std::move(*talk), std::move(wishes)});
+  wish_again = {};
   return {};
+}
+
+// One that was started again answers only those who name it.
+bool InsightClient::Impl::ServerWasReplaced() {
+  const auto& known = connection->talk.server;
+  const auto live = directory.Matching(bus::PresenceKind::kPolicy, {known.name, known.id});
+  return !live.empty() && live.front().instance != known.instance;
 }
 
 Status InsightClient::Impl::Wish(std::uint32_t seconds) {
@@ -93,6 +102,7 @@ std::optional<bus::Insight> InsightClient::Impl::Await(std::uint64_t first) {
 }
 
 Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
+  if (connection && ServerWasReplaced()) connection.reset();
   if (!connection) ETUDE_RETURN_IF_ERROR(Connect());
   observation.run = connection->talk.server.name;
   observation.run_id = connection->talk.server.id;

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // What changes something: each action is an etude command, shown for copying and, with the token, run as a child.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
 #include "dashboard/server/api/replays.h"
+#include "services/campaign/eval_report.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/episode/bounded_json.h"
 #include "services/store/filter_keys.h"
 
 namespace etude::api {
@@ -105,6 +109,19 @@ bool IsGiven(Context& context, const Path& folder) {
   });
 }
 
+// A run that was made anew in its folder has checkpoints of the same names, and what lies there is of the one before.
+Path EvaluationFolder(const Path& out, const Path& run) {
+  const auto identity = ReadIdentity(run);
+  const auto is_anothers = [&](const Path& folder) {
+    const auto text = ReadTextFile(folder / "eval.json", 256 << 20);
+    const std::string of = text ? campaign::SubjectOf(ParseBoundedJson(*text).value_or(OrderedJson())).run_id : "";
+    return identity && !of.empty() && of != identity->id;
+  };
+  Path folder = out;
+  for (int n = 2; is_anothers(folder); ++n) folder = fmt::format("{}-{}", out.string(), n);
+  return folder;
+}
+
 Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
@@ -118,7 +135,7 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
                        ? folder.parent_path() / fmt::format("{}-{}", folder.filename().string(), name)
                        : folder / name;
   ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed",
-                         seed, "--out", out.string()},
+                         seed, "--out", EvaluationFolder(out, folder).string()},
                         Weight::kHeavy};
   command.AddFlags(context.bus_flags(security::Role::kCollector));
   return command;
@@ -157,6 +174,8 @@ Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
       command.AddFlags({"--run", run.source->found().folder.string()});
   }
   command.AddFlags(context.bus_flags(security::Role::kPolicy));
+  // asked twice before the first is heard, it is the first
+  command.once = fmt::format("serve {}", fmt::join(command.arguments, " "));
   return command;
 }
 

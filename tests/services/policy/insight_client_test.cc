@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <memory>
 #include <mutex>
 #include <thread>
 
@@ -120,6 +121,19 @@ TEST_F(PolicyInsight, IsOfItsOwnQuestionAndItsOwnSessionAlone) {
   EXPECT_EQ(wish.session, asked.session);
   EXPECT_NE(wish.session, "") << "nobody else's observations are looked into";
   EXPECT_EQ(wish.what_if_json, "");
+}
+
+// it went on asking the one before, which nobody is any more
+TEST_F(PolicyInsight, AServerThatWasStartedAgainIsAsked) {
+  auto server = std::make_unique<FakeServer>(participant_, "look-again");
+  auto client = OpenClient("look-again");
+  ASSERT_THAT(client.Ask(MakeQuestion()), IsOk());
+  const std::string first = server->last().server;
+  EXPECT_NE(first, "");
+  server.reset();
+  server = std::make_unique<FakeServer>(participant_, "look-again");
+  ASSERT_THAT(client.Ask(MakeQuestion()), IsOk());
+  EXPECT_NE(server->last().server, first);
 }
 
 TEST_F(PolicyInsight, AsksAgainUntilItComes) {

@@ -101,6 +101,23 @@ TEST_F(ActionsTest, EvaluationsLieInTheFoldersGiven) {
   EXPECT_THAT(answer->body, HasSubstr("--out " + (lab_.root() / "run" / "eval-00000200-9001").string()));
 }
 
+// the report there is of the run that was removed: the command would refuse to go on with it, for ever
+TEST_F(ActionsTest, AnEvaluationOfARunMadeAnewLiesBesideThatOfTheOneBefore) {
+  const auto identity = OpenIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  const OrderedJson body{{"action", "evaluate"}, {"run", "lab.run"}, {"file", "00000200.safetensors"}};
+  const Path before = lab_.root() / "run-eval-00000200-9001";
+  const auto write = [&](const std::string& run_id) {
+    std::filesystem::create_directories(before);
+    ASSERT_THAT(WriteFileAtomically(before / "eval.json", OrderedJson{{"policy", {{"run_id", run_id}}}}.dump()),
+                IsOk());
+  };
+  write("00000000000000aa");
+  EXPECT_THAT(CommandOf(body), HasSubstr("--out " + before.string() + "-2"));
+  write(identity->id);
+  EXPECT_THAT(CommandOf(body), testing::Not(HasSubstr(before.string() + "-2"))) << "its own goes on";
+}
+
 // what the command writes is what the page then offers
 TEST_F(ActionsTest, AKeyThatWasWrittenIsAFilter) {
   ASSERT_THAT(store::WriteFilterKey(lab_.root() / "data", "good", {0, 4}), IsOk());
