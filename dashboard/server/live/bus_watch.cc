@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
 #include "dashboard/server/live/sample_tap.h"
 #include "services/bus/access.h"
@@ -25,6 +26,7 @@ constexpr std::size_t kMostWishes = 16;
 constexpr auto kWishStands = 5s;
 constexpr auto kLook = 250ms;        // messages
 constexpr auto kDirectory = 1000ms;  // who is there
+constexpr auto kTryAgain = 3s;       // to join the bus
 
 // The readers of one campaign.
 struct CampaignReaders {
@@ -205,31 +207,40 @@ void BusWatch::Serve(SampleTap& tap) {
     if (const auto wish = wishes_.find(topic); wish != wishes_.end()) wish->second.samples = newest;
 }
 
-void BusWatch::Run(std::stop_token stop) {
-  LiveModel model;
-  model.view().enabled = true;
-  const auto failed = [&](const Error& error) {
-    Log().warn("the bus is not read: {}", error.message);
-    model.view().error = error.message;
-    Publish(model.view());
-  };
-  auto participant = arguments_.Open({security::Role::kGateway});
-  if (!participant) return failed(participant.error());
-  auto ears = Ears::Open(*participant);
-  if (!ears) return failed(ears.error());
-  const auto reporter = bus::ProcessReporter::Start(*participant, {.role = "gateway"});
+// Until `stop`. @returns why the bus cannot be had
+Status BusWatch::Read(LiveModel& model, const std::stop_token& stop) {
+  ETUDE_ASSIGN_OR_RETURN(auto participant, arguments_.Open({security::Role::kGateway}));
+  ETUDE_ASSIGN_OR_RETURN(auto ears, Ears::Open(participant));
+  model.view().error.clear();
+  const auto reporter = bus::ProcessReporter::Start(participant, {.role = "gateway"});
   if (!reporter) Log().warn("this gateway does not say how it is: {}", reporter.error().message);
-  SampleTap tap(*participant);
+  SampleTap tap(participant);
   TimePoint looked{};
   while (!stop.stop_requested()) {
-    ears->Listen(model);  // first: after a stall, what waits in the readers says that nobody was silent
+    ears.Listen(model);  // first: after a stall, what waits in the readers says that nobody was silent
     if (MonotonicClock::now() - looked >= kDirectory) {
-      ears->LookAround(model);
+      ears.LookAround(model);
       looked = MonotonicClock::now();
     }
     Serve(tap);
     Publish(model.view());
     std::this_thread::sleep_for(kLook);
+  }
+  return {};
+}
+
+// An interface, a free index or a profile that can be read may be there later: a gateway lives for weeks.
+void BusWatch::Run(std::stop_token stop) {
+  LiveModel model;
+  model.view().enabled = true;
+  while (!stop.stop_requested()) {
+    const Status read = Read(model, stop);
+    if (read) return;
+    if (std::exchange(model.view().error, read.error().message) != read.error().message)
+      Log().warn("the bus is not read, and tried again every {} s: {}", kTryAgain.count(), read.error().message);
+    Publish(model.view());
+    const auto next = MonotonicClock::now() + kTryAgain;
+    while (!stop.stop_requested() && MonotonicClock::now() < next) std::this_thread::sleep_for(kLook);
   }
 }
 

@@ -25,7 +25,7 @@ struct Sample {
 /// Reads the bus on a thread of its own from Start to its end. View and Newest are thread-safe.
 class BusWatch {
  public:
-  /// Never fails: where the bus cannot be had, the view says why.
+  /// Never fails: while the bus cannot be had, the view says why, and it is tried again.
   explicit BusWatch(const bus::Arguments& arguments);
   ~BusWatch();
   BusWatch(const BusWatch&) = delete;
@@ -43,6 +43,7 @@ class BusWatch {
     TimePoint until{};
     std::vector<Sample> samples;
   };
+  Status Read(LiveModel& model, const std::stop_token& stop);
   void Run(std::stop_token stop);
   void Publish(const LiveView& view);
   void Serve(class SampleTap& tap);

@@ -10,6 +10,7 @@
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::live {
 namespace bus_watch_test {
@@ -266,6 +267,17 @@ TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   reporter->reset();
   participant = Fail(Code::kUnavailable, "it has ended");
   EXPECT_TRUE(Eventually([&] { return !watch.View()->processes.contains(process); })) << "long before the minute";
+}
+
+// a gateway that began before its network had no live data until somebody started it again
+TEST(BusWatch, JoinsTheBusWhereItCannotAtFirst) {
+  const TemporaryFolder folder;
+  const Path profile = folder / "profile.xml";
+  BusWatch watch({60, profile.string(), "text"});
+  ASSERT_TRUE(Eventually([&] { return !watch.View()->error.empty(); }));
+  EXPECT_TRUE(watch.View()->enabled);
+  ASSERT_THAT(WriteFileAtomically(profile, std::string_view("<CycloneDDS/>")), IsOk());
+  EXPECT_TRUE(Eventually([&] { return watch.View()->error.empty(); }));
 }
 
 }  // namespace bus_watch_test
