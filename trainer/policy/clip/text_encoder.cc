@@ -2,6 +2,7 @@
 #include "trainer/policy/clip/text_encoder.h"
 
 #include <fmt/format.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <exception>

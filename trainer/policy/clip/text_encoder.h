@@ -2,6 +2,8 @@
 // A folder of CLIP's files, open: a sentence becomes what CLIP says that it means.
 #pragma once
 
+#include <torch/types.h>
+
 #include <cstdint>
 #include <future>
 #include <list>
@@ -14,7 +16,6 @@
 #include "services/core/thread_annotations.h"
 #include "services/language/byte_pair_tokenizer.h"
 #include "trainer/policy/clip/tower.h"
-#include "trainer/policy/torch.h"
 
 namespace etude::clip {
 

@@ -4,13 +4,14 @@
 // sentence means.
 #pragma once
 
+#include <torch/types.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "services/core/result.h"
 #include "services/store/safetensors.h"
-#include "trainer/policy/torch.h"
 
 namespace etude::clip {
 

@@ -2,6 +2,8 @@
 // What several quantities share.
 #pragma once
 
+#include <torch/types.h>
+
 #include <span>
 
 #include "services/core/config.h"
@@ -9,7 +11,6 @@
 #include "trainer/policy/quantities/losses.h"
 #include "trainer/policy/quantities/output.h"
 #include "trainer/policy/quantities/quantity.h"
-#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

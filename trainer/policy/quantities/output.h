@@ -2,10 +2,10 @@
 // What quantities read and write: a module's output, statistics to scale by, labels with their masks.
 #pragma once
 
+#include <torch/types.h>
+
 #include <map>
 #include <string>
-
-#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 

@@ -2,10 +2,10 @@
 #include "trainer/policy/quantities/quantity.h"
 
 #include <fmt/format.h>
+#include <torch/types.h>
 
 #include "services/core/check.h"
 #include "trainer/policy/quantities/list.h"
-#include "trainer/policy/torch.h"
 
 namespace etude::policy {
 namespace {

@@ -5,9 +5,9 @@
 // The form is a property of a head; what leaves the policy is 6D.
 #pragma once
 
-#include <string>
+#include <torch/types.h>
 
-#include "trainer/policy/torch.h"
+#include <string>
 
 namespace etude::policy {
 
