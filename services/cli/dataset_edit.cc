@@ -202,7 +202,7 @@ Status Merge(const EditArguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(
         report, store::MergeDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "merged")));
   }
-  if (one_spec && !report.renumbered) ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
+  if (!report.renumbered) ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
   fmt::print("{}: {} episodes{}\n", arguments.out, report.episodes,
              report.renumbered ? ", numbered anew: the datasets are of different specs" : "");
   return {};

@@ -182,17 +182,17 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
   const Served current = Current();
   const auto& kept = current.model;
   const auto& metadata = fresh->metadata();
+  const bool stays = kept && kept->untrained().empty();
   if (!fresh->untrained().empty()) {
     ++refused;
     NoteRefusal(fmt::format("checkpoint of step {}: not trained: {}", metadata.step, fresh->untrained()));
-    const bool stays = kept && kept->untrained().empty();
     Log().warn("refused a checkpoint run={}@{} step={}: not trained: {}; {}", options.run.name, run_id, metadata.step,
                fresh->untrained(),
                stays ? fmt::format("step {} serves on", kept->metadata().step)
                      : "observations are answered with this refusal");
     if (stays) return;
-  } else if (const auto trial = fresh->Answer(fresh->Trial());
-             kept && kept->untrained().empty() && trial.refusal == bus::Refusal::kFailed) {
+  } else if (const bus::Action trial = stays ? fresh->Answer(fresh->Trial()) : bus::Action();
+             trial.refusal == bus::Refusal::kFailed) {
     ++refused;
     NoteRefusal(fmt::format("checkpoint of step {}: {}", metadata.step, trial.error));
     Log().warn("refused a checkpoint run={}@{} step={}: {}; step {} serves on", options.run.name, run_id, metadata.step,

@@ -130,18 +130,22 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   EXPECT_EQ(progress.back().progress, 1.0);
 }
 
+Hooks Counting(int* saved) {
+  Hooks hooks;
+  hooks.on_checkpoint = [saved](const checkpoint::Checkpoint&) -> Status {
+    ++*saved;
+    return {};
+  };
+  return hooks;
+}
+
 TEST_F(TrainerTest, StopsOnALossThatIsNotANumberAndSavesNothing) {
   const TrainConfig config =
       TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0", "curriculum.enabled=false", "optimizer.warmup_steps=0",
                   "eval.every_steps=1000", "checkpoint.every_steps=1000"});
   int saved = 0;
-  Hooks hooks;
-  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
-    ++saved;
-    return {};
-  };
 
-  const Status status = Train(config, folder_ / "run", false, hooks);
+  const Status status = Train(config, folder_ / "run", false, Counting(&saved));
 
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().message, HasSubstr("not finite"));
@@ -153,12 +157,7 @@ TEST_F(TrainerTest, SavesNothingWhoseValidationIsNotANumber) {
   const TrainConfig config = TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0", "curriculum.enabled=false",
                                          "optimizer.warmup_steps=0", "eval.every_steps=1", "checkpoint.every_steps=1"});
   int saved = 0;
-  Hooks hooks;
-  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
-    ++saved;
-    return {};
-  };
-  const Status status = Train(config, folder_ / "run", false, hooks);
+  const Status status = Train(config, folder_ / "run", false, Counting(&saved));
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().message, HasSubstr("the validation loss is not finite at step 1; nothing was saved"));
   EXPECT_EQ(saved, 0);
