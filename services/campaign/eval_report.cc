@@ -193,6 +193,12 @@ OrderedJson RowJson(const RolloutRow& row) {
   return json;
 }
 
+OrderedJson ReadReport(const Path& evaluation) {
+  constexpr std::uintmax_t kMostBytes = 256 << 20;
+  const auto text = ReadTextFile(evaluation / "eval.json", kMostBytes);
+  return text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+}
+
 EvalSubject SubjectOf(const OrderedJson& report) {
   EvalSubject subject;
   if (!report.is_object()) return subject;

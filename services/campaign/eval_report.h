@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "services/core/file.h"
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
 
@@ -63,6 +64,9 @@ struct EvalSubject {
   std::string dataset;      ///< that it was trained on: the checkpoint's fingerprint of it
   double created = 0;       ///< of the evaluation, seconds since 1970
 };
+/// `evaluation`/eval.json; nothing where there is none, or what is no JSON: whoever goes on makes it anew from the
+/// rollouts.
+OrderedJson ReadReport(const Path& evaluation);
 /// As an earlier report says it; empty where that is none.
 EvalSubject SubjectOf(const OrderedJson& report);
 /// How many rollouts `report` is of; 0: it does not say.

@@ -48,11 +48,6 @@ std::string LineOf(const RolloutRow& row) { return JsonText(RowJson(row)); }
 
 constexpr double kReportEvery = 2;  // s; the report of 400 rollouts is 200 kB
 
-OrderedJson ReadReport(const Path& out) {
-  const auto text = ReadTextFile(out / "eval.json", 256 << 20);
-  return text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
-}
-
 // One report is of one policy, and of rollouts that are there.
 Status CheckReport(const Path& out, const OrderedJson& report, bool has_rollouts, const EvalSubject& subject) {
   const auto refuse = [&](const std::string& why) {

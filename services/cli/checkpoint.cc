@@ -16,6 +16,7 @@
 #include "services/core/link.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
+#include "services/core/run_name.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -307,7 +308,9 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   auto file = std::make_shared<std::string>();
   auto showing = std::make_shared<ShowArguments>();
   auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");
-  show->add_option("file", showing->file, "checkpoint file")->required();
+  show->add_option("file", showing->file, "checkpoint file, or a run's folder: its newest")
+      ->required()
+      ->transform(CheckpointFile);
   show->add_flag("--all", showing->all, "every setting and tensor too");
   show->add_flag("--json", showing->as_json, "as JSON");
   show->callback([=, &body] { body = [=] { return ShowCheckpoint(*showing); }; });

@@ -23,7 +23,6 @@
 #include "services/core/printable.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
-#include "services/store/safetensors.h"
 
 namespace etude::cli {
 namespace {
@@ -69,15 +68,6 @@ std::string TrainedAs(const Path& checkpoint) {
   return identity ? identity->id : "";
 }
 
-// The policy server would refuse every question.
-Status CheckMayDrive(std::span<const std::uint8_t> checkpoint, const std::string& name) {
-  ETUDE_ASSIGN_OR_RETURN(const auto head, store::DecodeSafetensors(checkpoint, [](std::string_view) { return false; }));
-  const auto refused = head.metadata.find("refused");
-  if (refused == head.metadata.end() || refused->second.empty()) return {};
-  return Fail(Code::kInvalidArgument,
-              fmt::format("--checkpoint '{}' may not drive a robot yet: {}", name, Printable(refused->second)));
-}
-
 // A server of our own, under an id that only this evaluation knows.
 Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
   // a run's `latest` is a link that moves while it trains: what is measured is the file that it names now
@@ -87,14 +77,16 @@ Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
   const auto bytes = ReadBinaryFile(file);
   if (!bytes) return Fail(Code::kInvalidArgument, "--checkpoint: " + bytes.error().message);
   // read here once: a policy server that cannot would be started again and again
-  auto subject = SubjectOfCheckpoint(*bytes, file);
-  if (!subject) return Fail(subject.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
-  ETUDE_RETURN_IF_ERROR(CheckMayDrive(*bytes, arguments.checkpoint));
-  const Selector run{"eval-" + subject->sha256.substr(0, 12), NewId()};
-  subject->run_id = TrainedAs(file);
+  auto facts = FactsOfCheckpoint(*bytes, file);
+  if (!facts) return Fail(facts.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
+  if (!facts->refused.empty())  // the policy server would refuse every question
+    return Fail(Code::kInvalidArgument, fmt::format("--checkpoint '{}' may not drive a robot yet: {}",
+                                                    arguments.checkpoint, Printable(facts->refused)));
+  const Selector run{"eval-" + facts->subject.sha256.substr(0, 12), NewId()};
+  facts->subject.run_id = TrainedAs(file);
   std::vector<std::string> serve{"--checkpoint", file.string(), "--run", run.text()};
   if (arguments.any_camera) serve.emplace_back("--any-camera");
-  return PolicyChoice{run, ServiceOf(arguments, std::move(serve)), std::move(*subject)};
+  return PolicyChoice{run, ServiceOf(arguments, std::move(serve)), std::move(facts->subject)};
 }
 
 // The run that is meant, and its policy server if one is there: then it is asked, and none of our own.
@@ -304,7 +296,9 @@ void AddVideos(CLI::App& command, EvaluationOptions& evaluation) {
 void AddEval(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("eval", "roll a policy out on fresh scenes: success per task, errors, videos");
   auto arguments = std::make_shared<EvalArguments>();
-  auto* checkpoint = command->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file");
+  auto* checkpoint =
+      command->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file, or a run's folder: its newest")
+          ->transform(CheckpointFile);
   auto* subscribe = command->add_option("--subscribe", arguments->subscribe,
                                         "a run's checkpoints on the bus: NAME, NAME@ID, or its folder");
   checkpoint->excludes(subscribe);

@@ -61,8 +61,7 @@ namespace {
 
 std::string RolloutLine(const campaign::CollectorProgress& progress, const Path& out) {
   std::string line = fmt::format("rollouts {}/{}", progress.committed, progress.total);
-  const auto text = ReadTextFile(out / "eval.json");
-  const OrderedJson report = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+  const OrderedJson report = campaign::ReadReport(out);
   if (report.is_object() && report.contains("overall") && report["overall"]["success"].is_object() &&
       progress.committed > 0)
     line += fmt::format("  success {:.1f} %", 100 * report["overall"]["success"]["share"].get<double>());
@@ -127,9 +126,7 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
                              const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
                              const std::function<Status()>& watch) {
   // a run that was evaluated before it trained on, say
-  const auto before = ReadTextFile(options.out / "eval.json");
-  const OrderedJson known = before ? ParseBoundedJson(*before).value_or(OrderedJson()) : OrderedJson();
-  if (campaign::RolloutsOf(known) >= spec.episodes)
+  if (campaign::RolloutsOf(campaign::ReadReport(options.out)) >= spec.episodes)
     display.Say(fmt::format("all {} rollouts are in '{}' already: another --out evaluates again", spec.episodes,
                             options.out.string()));
   HostOptions with_subject = host;

@@ -51,31 +51,33 @@ void NameCheckpoint(const Path& run_folder, const std::set<std::uint64_t>& steps
   if (steps.size() > 1 || run_folder.empty()) return;
   const Path file = run_folder / "checkpoints" / fmt::format("{:08}.safetensors", *steps.begin());
   const auto bytes = ReadBinaryFile(file);
-  const auto found = bytes ? SubjectOfCheckpoint(*bytes, file) : Result<campaign::EvalSubject>(Fail(bytes.error()));
+  const auto found = bytes ? FactsOfCheckpoint(*bytes, file) : Result<CheckpointFacts>(Fail(bytes.error()));
   if (!found) {
     Log().info("the checkpoint of the evaluation is not named: {}", found.error().message);
     return;
   }
-  policy["sha256"] = found->sha256;
-  policy["file"] = found->file;
-  report["dataset"] = found->dataset;
+  policy["sha256"] = found->subject.sha256;
+  policy["file"] = found->subject.file;
+  report["dataset"] = found->subject.dataset;
 }
 
 }  // namespace
 
-Result<campaign::EvalSubject> SubjectOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file) {
+Result<CheckpointFacts> FactsOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file) {
   ETUDE_ASSIGN_OR_RETURN(const auto content, store::DecodeSafetensors(bytes, [](std::string_view) { return false; }));
   const auto word = [&](const char* key) {
     const auto found = content.metadata.find(key);
     return found == content.metadata.end() ? std::string() : found->second;
   };
-  campaign::EvalSubject subject;
+  CheckpointFacts facts;
+  facts.refused = word("refused");
+  campaign::EvalSubject& subject = facts.subject;
   subject.run = word("run");
   subject.sha256 = Sha256Hex(bytes);
   subject.step = NumberOf<std::uint64_t>(word("step"));
   subject.file = std::filesystem::absolute(file).lexically_normal().string();
   subject.dataset = word("dataset");
-  return subject;
+  return facts;
 }
 
 Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, const std::vector<Path>& videos,

@@ -11,9 +11,13 @@
 
 namespace etude::cli {
 
-/// A checkpoint's own words and its hash; `run_id` and `created` are left empty.
+/// What a checkpoint says of itself.
+struct CheckpointFacts {
+  campaign::EvalSubject subject;  ///< `run_id` and `created` are left empty
+  std::string refused;            ///< why it may not drive a robot; "": it may
+};
 /// @param bytes  of the file   @error kCorrupt: no safetensors file
-Result<campaign::EvalSubject> SubjectOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file);
+Result<CheckpointFacts> FactsOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file);
 
 /// Fills in what is known once the rollouts are over: each row's "video" and "insight" (the file), relative to OUT,
 /// and, of a run that was followed, the checkpoint where all rollouts were of one. Where they were of several, none is

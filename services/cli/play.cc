@@ -16,6 +16,7 @@
 #include "services/cli/training_words.h"
 #include "services/core/command.h"
 #include "services/core/identity.h"
+#include "services/core/run_name.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 #include "services/language/meaning.h"
@@ -382,7 +383,9 @@ void AddOpen(CLI::App& command, const Shared& arguments, Body& body) {
   auto* open = command.add_subcommand("open", "a scene, kept by a worker until it is closed; with --say for as long");
   open->add_option("spec", arguments->spec, "campaign file, or the folder of a dataset")->required();
   open->add_option("--run", arguments->run, "policy to ask: the run whose checkpoints are served, NAME or NAME@ID");
-  open->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file, to serve it meanwhile");
+  open->add_option("--checkpoint", arguments->checkpoint,
+                   "a .safetensors file, or a run's folder, to serve it meanwhile")
+      ->transform(CheckpointFile);
   open->add_option("--index", arguments->index, "episode whose scene it begins with")->capture_default_str();
   open->add_option("--session", arguments->session, "name (default: one of its own)");
   open->add_option("--say", arguments->sentences, "sentence; several are said one after another, in the same scene")

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "services/campaign/eval_comparison.h"
+#include "services/campaign/eval_report.h"
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
 #include "services/cli/results_folder.h"
@@ -114,9 +115,7 @@ class Maker {
   }
 
   std::optional<OrderedJson> ReadReport(const ResultRow& row, std::uint64_t seed) const {
-    const auto text = ReadTextFile(ReportOf(row, seed) / "eval.json");
-    if (!text) return std::nullopt;
-    auto json = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+    auto json = campaign::ReadReport(ReportOf(row, seed));
     // how many sentences there are is the suite's
     const auto wanted = row.eval.sentences.empty() ? row.eval.episodes : CountAt(json, "episodes");
     return wanted && IsWholeReport(json, *wanted) ? std::optional(std::move(json)) : std::nullopt;

@@ -53,10 +53,7 @@ Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
 }
 
 Status CheckEvaluated(const Path& evaluation, const Path& checkpoint) {
-  const auto text = ReadTextFile(evaluation / "eval.json");
-  if (!text) return {};
-  const auto report = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
-  const std::string evaluated = report.is_object() ? campaign::SubjectOf(report).sha256 : "";
+  const std::string evaluated = campaign::SubjectOf(campaign::ReadReport(evaluation)).sha256;
   std::error_code ignored;
   if (evaluated.empty() || !std::filesystem::exists(checkpoint, ignored)) return {};
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(checkpoint));

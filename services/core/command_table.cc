@@ -2,7 +2,9 @@
 #include "services/core/command_table.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -73,6 +75,16 @@ std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv) {
     return app.exit(error) == 0 ? kExitOk : kExitUsage;
   }
   return std::nullopt;
+}
+
+CLI::Validator EndsWith(const std::vector<std::string>& endings) {
+  const std::string wanted = fmt::format("{}", fmt::join(endings, " or "));
+  return CLI::Validator(
+      [=](const std::string& file) {
+        const bool known = std::ranges::any_of(endings, [&](const auto& ending) { return file.ends_with(ending); });
+        return known ? std::string() : fmt::format("'{}' must end with {}", file, wanted);
+      },
+      "");
 }
 
 }  // namespace etude

@@ -6,6 +6,8 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace etude {
 
@@ -17,5 +19,8 @@ nlohmann::ordered_json CommandTable(const CLI::App& app);
 /// Parses the arguments. Returns the exit code when that is all: after `--help` and `--version`, when they are wrong
 /// (told on stderr), and after `PROGRAM --command-table`, which prints CommandTable(app).
 std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);
+
+/// For options that name a file to write: its ending, one of these, says what is written.
+CLI::Validator EndsWith(const std::vector<std::string>& endings);
 
 }  // namespace etude

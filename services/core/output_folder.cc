@@ -10,18 +10,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// OUT without a slash at its end, absolute, so that its parent can be named
+// OUT without a slash at its end, absolute, so that its parent can be named; of a link what it leads to, which may lie
+// on a larger disk
 Path Plain(const Path& out) {
-  const Path whole = fs::absolute(out).lexically_normal();
-  return whole.has_filename() ? whole : whole.parent_path();
+  Path whole = fs::absolute(out).lexically_normal();
+  if (!whole.has_filename()) whole = whole.parent_path();
+  std::error_code error;
+  if (!fs::is_symlink(whole, error)) return whole;
+  const Path leads_to = fs::weakly_canonical(whole, error);
+  return error ? whole : leads_to;
 }
 
 }  // namespace
 
-Result<Path> ClaimOutput(const Path& out, Leftover leftover) {
+Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover) {
   const Path place = Plain(out);
   const Path partial = place.parent_path() / (place.filename().string() + ".partial");
   std::error_code error;
+  if (made == Made::kFile && (!out.has_filename() || fs::is_directory(place, error)))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' is a folder, and a file is made: name the file", out.string()));
   if (fs::exists(place, error) && !(fs::is_directory(place, error) && fs::is_empty(place, error)))
     return Fail(Code::kInvalidArgument,
                 fmt::format("'{}' is there already; name another place, nothing is written over", place.string()));
@@ -47,7 +55,7 @@ Status CommitOutput(const Path& partial, const Path& out) {
 }
 
 Result<OutputFolder> OutputFolder::Create(const Path& out, Leftover leftover) {
-  ETUDE_ASSIGN_OR_RETURN(Path partial, ClaimOutput(out, leftover));
+  ETUDE_ASSIGN_OR_RETURN(Path partial, ClaimOutput(out, Made::kFolder, leftover));
   ETUDE_RETURN_IF_ERROR(MakeFolders(partial));
   return OutputFolder(out, std::move(partial));
 }

@@ -57,4 +57,10 @@ Result<Selector> ParseRun(const std::string& text, std::string_view what) {
   return Selector{name, identity->id};
 }
 
+std::string CheckpointFile(const std::string& text) {
+  const Path newest = Path(text) / "checkpoints" / "latest.safetensors";
+  std::error_code error;
+  return fs::is_directory(text, error) && fs::exists(newest, error) ? newest.string() : text;
+}
+
 }  // namespace etude

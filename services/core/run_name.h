@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run's folder is called on the bus. The name is for people; the id is the folder's (identity.h).
+// What a run's folder is called on the bus, and which checkpoint it stands for. The name is for people; the id is the
+// folder's (identity.h).
 #pragma once
 
 #include <string>
@@ -23,5 +24,9 @@ Status KeepRunName(const Path& folder, const std::string& name);
 /// folder of a run with another name means the folder (logged); of a run with that name, the name.
 /// @param what  for the error: "--subscribe" @error kInvalidArgument: none of these; kNotFound: the folder has no id
 Result<Selector> ParseRun(const std::string& text, std::string_view what);
+
+/// For options that want a checkpoint: of a run's folder its newest one, RUN/checkpoints/latest.safetensors; else
+/// `text`.
+std::string CheckpointFile(const std::string& text);
 
 }  // namespace etude

@@ -32,15 +32,17 @@ void WriteReport(const Path& out, const std::vector<std::uint64_t>& steps) {
   ASSERT_THAT(WriteFileAtomically(out / "eval.json", report.dump(1)), IsOk());
 }
 
-TEST(SubjectOfCheckpoint, SaysWhatTheFileSays) {
-  const auto subject = SubjectOfCheckpoint(Checkpoint(), "runs/../a.safetensors");
-  ASSERT_THAT(subject, IsOk());
-  EXPECT_EQ(subject->run, "demo");
-  EXPECT_EQ(subject->step, 900u);
-  EXPECT_EQ(subject->dataset, "f00");
-  EXPECT_EQ(subject->sha256, Sha256Hex(Checkpoint()));
-  EXPECT_EQ(subject->file, (std::filesystem::current_path() / "a.safetensors").string());
-  EXPECT_THAT(SubjectOfCheckpoint(std::vector<std::uint8_t>{1, 2, 3}, "b"), HasCode(Code::kCorrupt));
+TEST(FactsOfCheckpoint, SaysWhatTheFileSays) {
+  const auto facts = FactsOfCheckpoint(Checkpoint(), "runs/../a.safetensors");
+  ASSERT_THAT(facts, IsOk());
+  EXPECT_EQ(facts->refused, "");
+  const campaign::EvalSubject& subject = facts->subject;
+  EXPECT_EQ(subject.run, "demo");
+  EXPECT_EQ(subject.step, 900u);
+  EXPECT_EQ(subject.dataset, "f00");
+  EXPECT_EQ(subject.sha256, Sha256Hex(Checkpoint()));
+  EXPECT_EQ(subject.file, (std::filesystem::current_path() / "a.safetensors").string());
+  EXPECT_THAT(FactsOfCheckpoint(std::vector<std::uint8_t>{1, 2, 3}, "b"), HasCode(Code::kCorrupt));
 }
 
 TEST(CompleteReport, NamesVideosAndTheOneCheckpointOfAFollowedRun) {

@@ -46,5 +46,26 @@ TEST(OutputFolder, SaysWhatAnInterruptedCommandLeft) {
   EXPECT_FALSE(std::filesystem::exists(folder / "out.partial/x"));
 }
 
+// before, a file was made for hours and then could not take a folder's place
+TEST(ClaimOutput, AFileTakesNoFoldersPlace) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(MakeFolders(folder / "empty"), IsOk());
+  EXPECT_THAT(ClaimOutput(folder / "empty", Made::kFile, Leftover::kRefuse), MessageHas("is a folder"));
+  EXPECT_THAT(ClaimOutput(folder / "none/", Made::kFile, Leftover::kRefuse), MessageHas("name the file"));
+  EXPECT_THAT(ClaimOutput(folder / "a.hdf5", Made::kFile, Leftover::kRefuse), IsOk());
+}
+
+TEST(OutputFolder, OfALinkLiesWhereThatLeads) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(MakeFolders(folder / "scratch/out"), IsOk());
+  std::filesystem::create_directory_symlink(folder / "scratch/out", folder / "out");
+  auto out = OutputFolder::Create(folder / "out", Leftover::kRefuse);
+  ASSERT_THAT(out, IsOk());
+  EXPECT_EQ(out->path(), folder / "scratch/out.partial");
+  ASSERT_THAT(WriteFileAtomically(out->path() / "x", std::string_view("1")), IsOk());
+  ASSERT_THAT(out->Commit(), IsOk());
+  EXPECT_EQ(*ReadTextFile(folder / "out/x"), "1");
+}
+
 }  // namespace output_folder_test
 }  // namespace etude
