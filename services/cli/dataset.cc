@@ -7,7 +7,9 @@
 #include "services/cli/command_line.h"
 #include "services/cli/dataset_edit.h"
 #include "services/cli/filmstrip.h"
+#include "services/core/command_table.h"
 #include "services/core/config.h"
+#include "services/store/edit.h"
 
 namespace etude::cli {
 namespace {
@@ -46,8 +48,9 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
                             report.unread.size()));
   return Fail(Code::kCorrupt,
               fmt::format("{} of {} episodes are damaged{}", report.bad.size(), report.good + report.bad.size(),
-                          keep ? "; without --keep they are moved to quarantine/"
-                               : ", moved to quarantine/; `etude collect` makes them again"));
+                          keep                        ? "; without --keep they are moved to quarantine/"
+                          : store::IsDerived(dataset) ? ", moved to quarantine/"
+                                                      : ", moved to quarantine/; `etude collect` makes them again"));
 }
 
 Status Hash(const std::string& dataset) {
@@ -85,7 +88,9 @@ void AddDataset(CLI::App& app, Body& body) {
   auto out = std::make_shared<std::string>("sheet.png");
   auto options = std::make_shared<FilmstripOptions>();
   auto* sheet = add("sheet", "a picture to look at: episodes as filmstrips");
-  sheet->add_option("--out", *out, "picture, .png or .jpg; moving, side by side: .webp or .mp4")->capture_default_str();
+  sheet->add_option("--out", *out, "picture, .png or .jpg; moving, side by side: .webp or .mp4")
+      ->check(EndsWith({".png", ".jpg", ".webp", ".mp4"}))
+      ->capture_default_str();
   sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();

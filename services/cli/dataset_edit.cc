@@ -63,12 +63,13 @@ struct SelectionArguments {
 };
 
 struct EditArguments {
-  std::string dataset, out, key, by, format = "lerobot", version = "3.0";
+  std::string dataset, out, key, remove_key, by, format = "lerobot", version = "3.0";
   std::vector<std::string> datasets, parts;
   SelectionArguments choice;
   exports::ModattnOptions modattn;
   BusArguments bus;  // filter --as, of a dataset that is being collected
   bool restart = false, yes = false;
+  bool version_given = false;
 
   Leftover leftover() const { return restart ? Leftover::kRemove : Leftover::kRefuse; }
 };
@@ -89,9 +90,9 @@ Result<std::optional<bus::Presence>> CollectorOf(const Path& dataset, const bus:
   return found.empty() ? std::nullopt : std::optional(found.front());
 }
 
-// Where a collector holds the dataset's lock, it writes the key itself.
-Status WriteKey(const EditArguments& arguments, const std::set<std::uint64_t>& indices) {
-  const Status written = store::WriteFilterKey(arguments.dataset, arguments.key, indices);
+// Where a collector holds the dataset's lock, it writes the key itself. No episode: the key goes.
+Status WriteKey(const EditArguments& arguments, const std::string& key, const std::set<std::uint64_t>& indices) {
+  const Status written = store::WriteFilterKey(arguments.dataset, key, indices);
   if (written || written.error().code != Code::kUnavailable) return written;
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   const auto collector = CollectorOf(arguments.dataset, participant);
@@ -102,13 +103,40 @@ Status WriteKey(const EditArguments& arguments, const std::set<std::uint64_t>& i
                     written.error().message, participant.domain(), collector ? "" : ": " + collector.error().message));
   const auto told = TellCollector(
       participant, **collector, "give a filter key to",
-      {.action = bus::ControlAction::kFilterKey, .filter_key = arguments.key, .episodes = store::IndicesText(indices)},
-      60s);
+      {.action = bus::ControlAction::kFilterKey, .filter_key = key, .episodes = store::IndicesText(indices)}, 60s);
   if (!told) return Fail(told.error());
   return {};
 }
 
+Status RemoveKey(const EditArguments& arguments) {
+  if (!arguments.out.empty() || !arguments.choice.empty())
+    return Fail(Code::kInvalidArgument, "--remove-key removes a key alone: it takes no OUT and chooses no episodes");
+  ETUDE_ASSIGN_OR_RETURN(const auto keys, store::ReadFilterKeys(arguments.dataset));
+  const auto key = keys.find(arguments.remove_key);
+  if (key == keys.end())
+    return Fail(Code::kNotFound,
+                fmt::format("dataset '{}' has no filter key '{}'", arguments.dataset, arguments.remove_key));
+  ETUDE_RETURN_IF_ERROR(WriteKey(arguments, arguments.remove_key, {}));
+  fmt::print("filter key '{}' is removed; its {} episodes stay\n", arguments.remove_key, key->second.size());
+  return {};
+}
+
+Status GiveKey(const EditArguments& arguments, const std::vector<std::uint64_t>& indices) {
+  const std::set<std::uint64_t> chosen(indices.begin(), indices.end());
+  ETUDE_ASSIGN_OR_RETURN(const auto before, store::ReadFilterKeys(arguments.dataset));
+  ETUDE_RETURN_IF_ERROR(WriteKey(arguments, arguments.key, chosen));
+  const auto had = before.find(arguments.key);
+  const bool replaces = had != before.end() && had->second != chosen;
+  fmt::print(
+      "filter key '{}': {} episodes (in dataset.hdf5: /mask/{}){}\n", arguments.key, chosen.size(), arguments.key,
+      replaces
+          ? fmt::format("; in place of the {} that it had: {}", had->second.size(), store::IndicesText(had->second))
+          : "");
+  return {};
+}
+
 Status Filter(const EditArguments& arguments) {
+  if (!arguments.remove_key.empty()) return RemoveKey(arguments);
   if (arguments.out.empty() == arguments.key.empty())
     return Fail(Code::kInvalidArgument,
                 fmt::format("say one of: OUT, a new dataset of what is chosen; --as NAME, a filter key{}",
@@ -117,17 +145,13 @@ Status Filter(const EditArguments& arguments) {
                                   "DATASET OUT --task pick"
                                 : ""));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, arguments.choice.Choose(arguments.dataset));
-  if (!arguments.key.empty()) {
-    ETUDE_RETURN_IF_ERROR(WriteKey(arguments, {indices.begin(), indices.end()}));
-    fmt::print("filter key '{}': {} episodes (in dataset.hdf5: /mask/{})\n", arguments.key, indices.size(),
-               arguments.key);
-    return {};
-  }
+  if (!arguments.key.empty()) return GiveKey(arguments, indices);
   {
     ProgressDisplay display;
     ETUDE_RETURN_IF_ERROR(store::CopyEpisodes(arguments.dataset, indices, arguments.out, arguments.leftover(),
                                               Counter(display, "copied")));
   }
+  ETUDE_RETURN_IF_ERROR(campaign::CarryHosts({arguments.dataset}, arguments.out));
   fmt::print("{}: {} episodes\n", arguments.out, indices.size());
   return {};
 }
@@ -156,13 +180,20 @@ Status Split(const EditArguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(const auto parts, ParseParts(arguments.parts));
     ETUDE_ASSIGN_OR_RETURN(groups, store::DealEpisodes(arguments.dataset, parts));
   }
+  for (const auto& [name, indices] : groups)
+    if (indices.empty())
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("--parts: '{}' would have no episode of '{}', which has too few for such a share", name,
+                              arguments.dataset));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(arguments.out, arguments.leftover()));
   {
     ProgressDisplay display;
-    for (const auto& [name, indices] : groups)
-      if (!indices.empty())
-        ETUDE_RETURN_IF_ERROR(store::CopyEpisodes(arguments.dataset, indices, folder.path() / name, Leftover::kRefuse,
-                                                  Counter(display, name.c_str())));
+    for (const auto& [name, indices] : groups) {
+      const Path part = folder.path() / name;
+      ETUDE_RETURN_IF_ERROR(
+          store::CopyEpisodes(arguments.dataset, indices, part, Leftover::kRefuse, Counter(display, name.c_str())));
+      ETUDE_RETURN_IF_ERROR(campaign::CarryHosts({arguments.dataset}, part));
+    }
   }
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   for (const auto& [name, indices] : groups)
@@ -233,7 +264,9 @@ Status Delete(const EditArguments& arguments) {
                                       indices.begin() + std::min<std::ptrdiff_t>(10, std::ssize(indices)), ", "),
                             indices.size() > 10 ? ", ..." : ""));
   ETUDE_RETURN_IF_ERROR(store::DeleteEpisodes(arguments.dataset, indices));
-  fmt::print("deleted {} episodes (`etude collect` in this folder makes them again)\n", indices.size());
+  // of imports, and of what was merged and numbered anew, nothing can be made again
+  fmt::print("deleted {} episodes{}\n", indices.size(),
+             store::IsDerived(arguments.dataset) ? "" : " (`etude collect` in this folder makes them again)");
   return {};
 }
 
@@ -250,6 +283,8 @@ Status ExportRobomimic(const EditArguments& arguments, store::PlainFileOptions o
 }
 
 Status Export(const EditArguments& arguments) {
+  if (arguments.format == "robomimic" && arguments.version_given)
+    return Fail(Code::kInvalidArgument, "--version is of LeRobot's format: robomimic's has none");
   std::vector<std::uint64_t> indices;
   if (!arguments.choice.empty()) {
     ETUDE_ASSIGN_OR_RETURN(indices, arguments.choice.Choose(arguments.dataset));
@@ -293,6 +328,7 @@ void AddExportOptions(CLI::App& exporting, const std::shared_ptr<EditArguments>&
       ->check(CLI::IsMember({"lerobot", "robomimic"}));
   exporting.add_option("--version", exported->version, "of LeRobot's format: 3.0 | 2.1")
       ->check(CLI::IsMember({"3.0", "2.1"}))
+      ->each([exported](const std::string&) { exported->version_given = true; })
       ->capture_default_str();
   exported->choice.Add(exporting);
 }
@@ -339,6 +375,8 @@ void AddFilter(const EditCommand& filter) {
   filter.command->add_option("out", filter.arguments->out, "the new dataset's folder");
   filter.command->add_option("--as", filter.arguments->key, "give them a filter key of this name instead of copying")
       ->excludes(AddRestart(filter));
+  filter.command->add_option("--remove-key", filter.arguments->remove_key, "remove this filter key; episodes stay")
+      ->excludes("--as");
   filter.arguments->choice.Add(*filter.command);
   filter.arguments->bus.Add(*filter.command);
 }

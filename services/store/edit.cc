@@ -104,6 +104,7 @@ Result<std::vector<std::uint64_t>> Select(const Path& dataset, const Selection& 
   if (!NeedsEpisodes(selection)) return candidates;
   std::vector<std::uint64_t> fitting;
   for (const std::uint64_t index : candidates) {
+    ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(dataset));
     ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
     if (Fits(selection, reader.spec(), record.episode)) fitting.push_back(index);
   }
@@ -131,12 +132,19 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
     if (!fs::exists(EpisodePath(dataset, index)))
       return Fail(Code::kNotFound,
                   fmt::format("delete from '{}': it has no episode {}; nothing was deleted", dataset.string(), index));
+  ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(dataset));
   // from here on it will be done, by this process or by the next one
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"));
   return internal::FinishDeletion(dataset);
 }
 
 Status MarkDerived(const Path& dataset) { return SetInDescription(dataset, "derived", true); }
+
+bool IsDerived(const Path& dataset) {
+  const auto text = ReadTextFile(dataset / internal::kDatasetJson);
+  const OrderedJson description = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+  return description.is_object() && description.contains("derived") && description["derived"] == true;
+}
 
 namespace internal {
 
@@ -149,15 +157,16 @@ Status CopyDescription(const Path& from, const Path& to) {
 }
 
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to) {
-  OrderedJson json = OrderedJson::object();
+  std::set<std::uint64_t> all;  // an episode that several have is copied from one, and marked in any
+  for (const auto& source : sources) all.insert(source.indices.begin(), source.indices.end());
+  FilterKeys joint;
   for (const auto& source : sources) {
     ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(source.dataset));
     for (const auto& [name, chosen] : keys)
       for (const std::uint64_t index : chosen)
-        if (source.indices.contains(index)) json[name].push_back(index);
+        if (all.contains(index)) joint[name].insert(index);
   }
-  if (json.empty()) return {};
-  return WriteFileAtomically(to / kFilters, json.dump() + "\n");
+  return joint.empty() ? Status() : WriteFilterKeys(to, joint);
 }
 
 Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to) {
@@ -172,6 +181,11 @@ Status SyncEpisodeFolders(const Path& dataset) {
   for (const auto& file : files) folders.insert(file.parent_path());
   for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
   return {};
+}
+
+Status CheckNotStopped(const Path& dataset) {
+  if (!StopRequested()) return {};
+  return Fail(Code::kExhausted, fmt::format("stopped; nothing of '{}' was changed or copied", dataset.string()));
 }
 
 Status CheckNotStopped(std::uint64_t done, std::uint64_t total, const Path& to) {

@@ -28,7 +28,7 @@ struct Selection {
 
 /// Indices of the episodes that fit, ascending.
 /// @error kNotFound: no dataset, a filter key that it lacks, an index that it lacks; kCorrupt, kUnavailable: an episode
-/// that cannot be read (`etude dataset verify` sets damaged ones aside)
+/// that cannot be read (`etude dataset verify` sets damaged ones aside); kExhausted: a stop was requested
 Result<std::vector<std::uint64_t>> Select(const Path& dataset, const Selection& selection);
 
 /// Name of a part -> its episodes, ascending. Names are fit to be folders'.
@@ -63,7 +63,7 @@ struct MergeReport {
 /// One dataset of several. Of one spec: every episode as it is; one that several have must be the same there. Of
 /// different specs: episodes are numbered anew in the order of `datasets`, are of a spec that names all their robots,
 /// tasks and objects, and say where they come from (details.merged_from); whether one is for training follows its new
-/// number.
+/// number. Filter keys come along, each of all that has a key of its name.
 /// @error kInvalidArgument: fewer than two, OUT is there, one index with two contents, other sampling journals of one
 /// spec, pictures of other sizes or rates; as of the store and the disk
 Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
@@ -94,6 +94,8 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
 /// is whole with what is there, whatever its spec asks for. A collector that goes on in the folder takes it back. @pre
 /// nobody else writes the dataset
 Status MarkDerived(const Path& dataset);
+/// Whether that is said of it. What cannot be read says nothing.
+bool IsDerived(const Path& dataset);
 
 namespace internal {
 
@@ -113,6 +115,8 @@ Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to);
 /// What the sources' filter keys say of the episodes that come along.
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to);
 Status SyncEpisodeFolders(const Path& dataset);
+/// @error kExhausted: a stop was requested, and nothing was written yet
+Status CheckNotStopped(const Path& dataset);
 /// @error kExhausted: a stop was requested, after `done` of `total` episodes were put into `to`
 Status CheckNotStopped(std::uint64_t done, std::uint64_t total, const Path& to);
 /// @error kInvalidArgument: datasets of one spec whose sampling journals differ; `command` is for the error's words

@@ -16,28 +16,6 @@ namespace {
 
 constexpr std::uint64_t kMaxKeysFile = 64 << 20;
 
-Status CheckName(const CampaignSpec& spec, const std::string& name) {
-  if (!IsPlainName(name))
-    return Fail(Code::kInvalidArgument,
-                fmt::format("filter key '{}': a name has only a-z, 0-9, _ and -, at most 64 of them", name));
-  if (internal::IsLanguageMask(name))
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("filter key '{}': sentences of an exported file have keys of such names; choose another", name));
-  bool taken = name == "train" || name == "valid" || name == "test";
-  for (const auto& task : spec.tasks) taken = taken || internal::MaskOfTask(task) == name;
-  if (taken)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("filter key '{}': splits and tasks have keys of their own names; choose another", name));
-  return {};
-}
-
-Status Write(const Path& dataset, const FilterKeys& keys) {
-  OrderedJson json = OrderedJson::object();
-  for (const auto& [name, indices] : keys) json[name] = indices;
-  return WriteFileAtomically(dataset / internal::kFilters, json.dump() + "\n");
-}
-
 bool ParseNumber(std::string_view text, std::uint64_t& number) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   return error == std::errc() && end == text.data() + text.size() && !text.empty();
@@ -68,7 +46,7 @@ Result<FilterKeys> ReadFilterKeys(const Path& dataset) {
 
 Status WriteFilterKey(const Path& dataset, const std::string& name, const std::set<std::uint64_t>& indices) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
-  ETUDE_RETURN_IF_ERROR(CheckName(reader.spec(), name));
+  if (!indices.empty()) ETUDE_RETURN_IF_ERROR(internal::CheckKeyName(reader.spec(), name));
   ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::LockDataset(dataset));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto listed, reader.List());
@@ -116,9 +94,31 @@ Result<std::set<std::uint64_t>> ParseIndices(std::string_view text, std::uint64_
 
 namespace internal {
 
+Status CheckKeyName(const CampaignSpec& spec, const std::string& name) {
+  if (!IsPlainName(name))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("filter key '{}': a name has only a-z, 0-9, _ and -, at most 64 of them", name));
+  if (IsLanguageMask(name))
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("filter key '{}': sentences of an exported file have keys of such names; choose another", name));
+  bool taken = name == "train" || name == "valid" || name == "test";
+  for (const auto& task : spec.tasks) taken = taken || MaskOfTask(task) == name;
+  if (taken)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("filter key '{}': splits and tasks have keys of their own names; choose another", name));
+  return {};
+}
+
+Status WriteFilterKeys(const Path& dataset, const FilterKeys& keys) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& [name, indices] : keys) json[name] = indices;
+  return WriteFileAtomically(dataset / kFilters, json.dump() + "\n");
+}
+
 Status SetFilterKey(const Path& dataset, const CampaignSpec& spec, const std::string& name,
                     const std::set<std::uint64_t>& indices, const std::function<bool(std::uint64_t)>& there) {
-  ETUDE_RETURN_IF_ERROR(CheckName(spec, name));
+  if (!indices.empty()) ETUDE_RETURN_IF_ERROR(CheckKeyName(spec, name));
   for (const std::uint64_t index : indices)
     if (!there(index))
       return Fail(Code::kInvalidArgument,
@@ -126,7 +126,7 @@ Status SetFilterKey(const Path& dataset, const CampaignSpec& spec, const std::st
   ETUDE_ASSIGN_OR_RETURN(auto keys, ReadFilterKeys(dataset));
   keys.erase(name);
   if (!indices.empty()) keys[name] = indices;
-  return Write(dataset, keys);
+  return WriteFilterKeys(dataset, keys);
 }
 
 Status ForgetEpisodes(const Path& dataset, const std::set<std::uint64_t>& indices) {
@@ -134,7 +134,7 @@ Status ForgetEpisodes(const Path& dataset, const std::set<std::uint64_t>& indice
   if (keys.empty()) return {};
   for (auto& [name, chosen] : keys) std::erase_if(chosen, [&](std::uint64_t index) { return indices.contains(index); });
   std::erase_if(keys, [](const auto& key) { return key.second.empty(); });
-  return Write(dataset, keys);
+  return WriteFilterKeys(dataset, keys);
 }
 
 }  // namespace internal

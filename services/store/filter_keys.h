@@ -39,6 +39,10 @@ Result<std::set<std::uint64_t>> ParseIndices(std::string_view text, std::uint64_
 
 namespace internal {
 
+/// @error kInvalidArgument: not a plain name, a name that splits or tasks of the spec have
+Status CheckKeyName(const CampaignSpec& spec, const std::string& name);
+/// filters.json, whole. Durable. @pre the dataset's lock is held, or the folder is nobody else's
+Status WriteFilterKeys(const Path& dataset, const FilterKeys& keys);
 /// What WriteFilterKey does to filters.json; the master file is the caller's to rewrite. @pre the dataset's lock is
 /// held
 /// @param there  whether the dataset has an episode   @error as WriteFilterKey

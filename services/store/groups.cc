@@ -49,6 +49,7 @@ Result<Groups> GroupEpisodes(const Path& dataset, const std::string& by) {
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
   std::map<std::string, std::vector<std::uint64_t>> of_value;
   for (const std::uint64_t index : indices) {
+    ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(dataset));
     ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
     ETUDE_ASSIGN_OR_RETURN(const std::string value, ValueOf(reader.spec(), record.episode, by));
     of_value[value].push_back(index);

@@ -8,6 +8,7 @@
 #include "services/core/stop.h"
 #include "services/store/edit.h"
 #include "services/store/episode_file.h"
+#include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 
 namespace etude::store {
@@ -56,6 +57,7 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
   std::map<std::uint64_t, const Part*> owners;
   for (const Part& part : parts)
     for (const std::uint64_t index : part.indices) {
+      ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(part.reader.path()));
       const auto [owner, added] = owners.emplace(index, &part);
       if (added) continue;
       const Path first = owner->second->reader.path(), second = part.reader.path();
@@ -147,9 +149,29 @@ void MoveTo(const CampaignSpec& spec, const std::string& spec_sha256, std::uint6
   episode.index = index;
 }
 
+// Under their new numbers: those that `parts` have in their order. @error kInvalidArgument: a name that the joint spec
+// has for something else
+Result<FilterKeys> KeysOf(const std::vector<Part>& parts, const CampaignSpec& spec) {
+  FilterKeys keys;
+  std::uint64_t next = 0;
+  for (const Part& part : parts) {
+    std::map<std::uint64_t, std::uint64_t> anew;
+    for (const std::uint64_t index : part.indices) anew[index] = next++;
+    ETUDE_ASSIGN_OR_RETURN(const FilterKeys own, ReadFilterKeys(part.reader.path()));
+    for (const auto& [name, chosen] : own) {
+      if (const Status fits = internal::CheckKeyName(spec, name); !fits)
+        return Fail(fits.error().Wrap(fmt::format("merge '{}'", part.reader.path().string())));
+      for (const std::uint64_t index : chosen)
+        if (const auto found = anew.find(index); found != anew.end()) keys[name].insert(found->second);
+    }
+  }
+  return keys;
+}
+
 Result<MergeReport> MergeDifferent(const std::vector<Part>& parts, const Path& out, Leftover leftover,
                                    const EditProgress& progress) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, JointSpec(parts));
+  ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, KeysOf(parts, spec));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   std::uint64_t done = 0;
   {
@@ -164,8 +186,10 @@ Result<MergeReport> MergeDifferent(const std::vector<Part>& parts, const Path& o
         ++done;
         if (progress) progress(done, spec.episodes);
       }
+    if (!keys.empty()) ETUDE_RETURN_IF_ERROR(internal::WriteFilterKeys(folder.path(), keys));
     ETUDE_RETURN_IF_ERROR(writer.WriteMaster());
   }
+  ETUDE_RETURN_IF_ERROR(MarkDerived(folder.path()));
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   return MergeReport{done, true};
 }

@@ -111,8 +111,8 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
     if (internal::IsLanguageMask(name))
       return Fail(Code::kInvalidArgument,
                   fmt::format("export '{}': its filter key '{}' has a name that the file's sentences have; remove it "
-                              "(etude dataset filter --help)",
-                              dataset.string(), name));
+                              "(etude dataset filter --remove-key {})",
+                              dataset.string(), name, name));
   PlainFileReport report;
   report.train_data = out.string() + ".train_data.json";
   if (std::filesystem::exists(report.train_data))
@@ -120,7 +120,7 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
         Code::kInvalidArgument,
         fmt::format("export '{}': '{}' is there already: it goes with the file; choose another name, or remove it",
                     dataset.string(), report.train_data.string()));
-  ETUDE_ASSIGN_OR_RETURN(const Path partial, ClaimOutput(out, options.leftover));
+  ETUDE_ASSIGN_OR_RETURN(const Path partial, ClaimOutput(out, Made::kFile, options.leftover));
   PlainFile file(reader, keys, partial);
   ETUDE_RETURN_IF_ERROR(file.Create());
   for (std::size_t i = 0; i < indices.size(); ++i) {

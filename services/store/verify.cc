@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "services/core/hash.h"
+#include "services/core/stop.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
@@ -21,15 +22,20 @@ namespace etude::store {
 namespace {
 
 // Calls work(i) for all i < n on as many threads as the machine has; order is free.
-void ForEach(std::size_t n, const std::function<void(std::size_t)>& work) {
-  std::atomic<std::size_t> next{0};
+// @error kExhausted: a stop was requested before all were done
+Status ForEach(std::size_t n, const char* what, const std::function<void(std::size_t)>& work) {
+  std::atomic<std::size_t> next{0}, done{0};
   const auto run = [&] {
-    for (std::size_t i = next++; i < n; i = next++) work(i);
+    for (std::size_t i = next++; i < n && !StopRequested(); i = next++, ++done) work(i);
   };
   const std::size_t threads = std::min<std::size_t>({std::max(1u, std::thread::hardware_concurrency()), 8, n});
   std::vector<std::jthread> pool;
   for (std::size_t t = 1; t < threads; ++t) pool.emplace_back(run);
   run();
+  pool.clear();
+  if (done == n) return {};
+  return Fail(Code::kExhausted,
+              fmt::format("{}: stopped after {} of {} files; nothing was changed", what, done.load(), n));
 }
 
 // @error what is wrong with the file of episode `index`
@@ -82,6 +88,14 @@ Status CheckFile(const DatasetReader& reader, const SamplingJournal& journal, co
   return VerifyEpisode(reader, journal, *index);
 }
 
+// Whether the statistics, which are written behind the master file, are of another number of episodes than are there.
+Result<bool> CountsOtherEpisodes(const DatasetReader& reader) {
+  ETUDE_ASSIGN_OR_RETURN(const auto description, internal::ReadDatasetFile(reader.path()));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  const auto& statistics = description.statistics;
+  return !statistics.is_object() || !statistics.contains("episodes") || statistics["episodes"] != indices.size();
+}
+
 }  // namespace
 
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
@@ -90,14 +104,17 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   std::optional<FileLock> lock;  // moving files away under a writer would confuse it
   if (quarantine == Quarantine::kYes) {
     ETUDE_ASSIGN_OR_RETURN(lock, internal::LockDataset(dataset));
+    ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   }
   ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
   std::erase_if(files, [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
 
   std::vector<Status> found(files.size());
-  ForEach(files.size(), [&](std::size_t i) { found[i] = CheckFile(reader, journal, files[i]); });
+  ETUDE_RETURN_IF_ERROR(
+      ForEach(files.size(), "verify", [&](std::size_t i) { found[i] = CheckFile(reader, journal, files[i]); }));
   VerifyReport report;
-  for (std::size_t i = 0; i < files.size(); ++i) {
+  Status moved;
+  for (std::size_t i = 0; i < files.size() && moved; ++i) {
     if (found[i]) {
       ++report.good;
       continue;
@@ -105,10 +122,14 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
     // what cannot be read now (a full table of open files, a disk that comes back) may be whole
     const bool wrong = found[i].error().code == Code::kCorrupt;
     (wrong ? report.bad : report.unread).push_back({files[i], found[i].error().message});
-    if (wrong && quarantine == Quarantine::kYes) ETUDE_RETURN_IF_ERROR(MoveToQuarantine(dataset, files[i]));
+    if (wrong && quarantine == Quarantine::kYes) moved = MoveToQuarantine(dataset, files[i]);
   }
-  // the master file must not link what was moved away
-  if (quarantine == Quarantine::kYes && !report.bad.empty()) ETUDE_RETURN_IF_ERROR(internal::RefreshDerived(dataset));
+  // the master file must not link what was moved away, now or by a verification that ended before it came to this
+  if (quarantine == Quarantine::kYes) {
+    ETUDE_ASSIGN_OR_RETURN(const bool behind, CountsOtherEpisodes(reader));
+    if (behind || !report.bad.empty()) ETUDE_RETURN_IF_ERROR(internal::RefreshDerived(dataset));
+  }
+  ETUDE_RETURN_IF_ERROR(moved);
   return report;
 }
 
@@ -117,7 +138,8 @@ Result<std::string> HashDataset(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
   std::vector<Result<std::string>> hashes(indices.size());
-  ForEach(indices.size(), [&](std::size_t i) { hashes[i] = ContentHashOf(reader, indices[i]); });
+  ETUDE_RETURN_IF_ERROR(
+      ForEach(indices.size(), "hash", [&](std::size_t i) { hashes[i] = ContentHashOf(reader, indices[i]); }));
   Sha256 hash;
   for (std::size_t i = 0; i < indices.size(); ++i) {
     if (!hashes[i]) return Fail(hashes[i].error());
@@ -136,6 +158,7 @@ Result<OrderedJson> DatasetInfo(const Path& dataset) {
   OrderedJson unreadable = OrderedJson::array();
   OrderedJson features = OrderedJson::array();
   for (const std::uint64_t index : indices) {
+    ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(dataset));
     const auto record = reader.Read(index);
     if (!record) {
       unreadable.push_back(record.error().message);

@@ -91,6 +91,24 @@ TEST_F(DatasetCommands, SharesAreRelativeAndEveryEpisodeIsInOnePart) {
   EXPECT_EQ(all.size(), 9u);
 }
 
+// before, it was said to have been made
+TEST_F(DatasetCommands, APartWithoutEpisodesIsRefused) {
+  ExpectUsage({"dataset", "split", In("data"), In("parts"), "--parts", "train=0.99", "valid=0.01"},
+              "'valid' would have no episode");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "parts"));
+}
+
+TEST_F(DatasetCommands, AFilterKeySaysWhatItReplacesAndCanGo) {
+  ASSERT_EQ(Etude({"dataset", "filter", In("data"), "--as", "keep", "--index", "1-3", "5"}).exit_code, kExitOk);
+  const CommandOutcome again = Etude({"dataset", "filter", In("data"), "--as", "keep", "--index", "7"});
+  EXPECT_EQ(again.exit_code, kExitOk);
+  EXPECT_THAT(again.text, HasSubstr("in place of the 4 that it had: 1-3,5"));
+  ExpectUsage({"dataset", "filter", In("data"), "--remove-key", "keep", "--index", "7"}, "alone");
+  EXPECT_EQ(Etude({"dataset", "filter", In("data"), "--remove-key", "keep"}).exit_code, kExitOk);
+  EXPECT_EQ(Etude({"dataset", "filter", In("data"), "--remove-key", "keep"}).exit_code, kExitFailure) << "gone";
+  EXPECT_EQ(List("data").size(), 9u);
+}
+
 TEST_F(DatasetCommands, NothingIsWrittenOverWhatIsThere) {
   WriteFile("parts/mine.txt", "mine");
   ExpectUsage({"dataset", "split", In("data"), In("parts"), "--by", "task"}, "is there already");
@@ -118,6 +136,9 @@ TEST_F(DatasetCommands, ExportsAreOfTheVersionAndTheEpisodesThatAreAskedFor) {
   EXPECT_THAT(old.text, HasSubstr("LeRobot 2.1"));
   ExpectUsage({"dataset", "export", In("data"), In("x"), "--format", "lerobot", "--version", "2.0"}, "2.0");
   ExpectUsage({"dataset", "export", In("data"), In("x")}, "--format");
+  ExpectUsage({"dataset", "export", In("data"), In("x"), "--format", "robomimic", "--version", "2.1"}, "LeRobot");
+  ASSERT_TRUE(std::filesystem::create_directory(folder_ / "folder"));
+  ExpectUsage({"dataset", "export", In("data"), In("folder"), "--format", "robomimic"}, "name the file");
 
   ASSERT_EQ(
       Etude({"dataset", "export", In("data"), In("some.hdf5"), "--format", "robomimic", "--index", "2", "5"}).exit_code,

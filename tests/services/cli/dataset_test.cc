@@ -147,6 +147,11 @@ TEST_F(DatasetCli, MergesOnlyShardsOfHostsThatAgree) {
   const Outcome same = Etude({"dataset", "merge", In("a"), In("b"), "--out", In("all")});
   EXPECT_EQ(same.exit_code, kExitOk) << same.text;
   EXPECT_EQ(campaign::KnownFiles(folder_ / "all"), std::string(64, 'a')) << "who collects there is held to them";
+  // nor does a copy forget them
+  ASSERT_EQ(Etude({"dataset", "filter", In("a"), In("some"), "--index", "2"}).exit_code, kExitOk);
+  EXPECT_EQ(campaign::KnownFiles(folder_ / "some"), std::string(64, 'a'));
+  ASSERT_EQ(Etude({"dataset", "split", In("a"), In("parts"), "--parts", "x=1", "y=1"}).exit_code, kExitOk);
+  EXPECT_EQ(campaign::KnownFiles(folder_ / "parts/y"), std::string(64, 'a'));
 }
 
 TEST_F(DatasetCli, LinksShards) {

@@ -5,9 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <numeric>
 
+#include "services/core/stop.h"
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 #include "tests/support/matchers.h"
@@ -126,6 +129,19 @@ TEST_F(Edit, DeletesAllOrNothing) {
   EXPECT_FALSE(writer->Contains(3));
 }
 
+// before, who stopped a selection that took minutes had everything deleted
+TEST_F(Edit, NothingIsDeletedOnceAStopIsAskedFor) {
+  const auto stopped = [&] {  // in a process of its own: a request stays
+    RequestStop();
+    const auto selected = Select(data_, {.tasks = {"pick"}});
+    const auto deleted = DeleteEpisodes(data_, {1});
+    std::fputs((selected.error().message + "; " + deleted.error().message).c_str(), stderr);
+    std::_Exit(7);
+  };
+  EXPECT_EXIT(stopped(), testing::ExitedWithCode(7), "stopped; nothing.*stopped; nothing");
+  EXPECT_EQ(List(data_).size(), 10u);
+}
+
 TEST_F(Edit, EndsADeletionThatWasInterrupted) {
   ASSERT_THAT(WriteFileAtomically(data_ / "deleting.json", std::string_view("[2, 5]")), IsOk());
   std::filesystem::remove(EpisodePath(data_, 2));  // so far it came
@@ -168,6 +184,12 @@ TEST_F(Edit, FilterKeysHaveNamesOfTheirOwn) {
   EXPECT_THAT(*Select(data_, {.keys = {"keep"}}), ElementsAre(1, 2));
   ASSERT_THAT(WriteFilterKey(data_, "keep", {}), IsOk());  // none: it goes
   EXPECT_TRUE(ReadFilterKeys(data_)->empty());
+}
+
+TEST_F(Edit, AKeyWithoutEpisodesIsRemovedWhateverItIsCalled) {
+  ASSERT_THAT(internal::WriteFilterKeys(data_, {{"lang_3", {1}}, {"keep", {2}}}), IsOk());
+  EXPECT_THAT(WriteFilterKey(data_, "lang_3", {}), IsOk());
+  EXPECT_EQ(*ReadFilterKeys(data_), (FilterKeys{{"keep", {2}}}));
 }
 
 TEST_F(Edit, WhoeverWritesTheDatasetGivesFilterKeysItself) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "services/store/edit.h"
+#include "services/store/filter_keys.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
@@ -88,6 +89,24 @@ TEST_F(Merge, OfDifferentSpecsNumbersAnewAndSaysWhereFrom) {
   EXPECT_EQ(last->details["merged_from"]["spec_sha256"], SpecHash(other));
   EXPECT_EQ(last->cameras[0].frames, MakeSyntheticEpisode(other, 4, 10).cameras[0].frames);
   ExpectSound(3);
+}
+
+// before, a key of an episode that two have was kept by chance of their order, and one of another spec never
+TEST_F(Merge, FilterKeysComeAlong) {
+  const Path a = Write("a", spec_, {0, 1, 2}), b = Write("b", spec_, {1, 3});
+  ASSERT_THAT(WriteFilterKey(a, "good", {0, 1}), IsOk());
+  ASSERT_THAT(WriteFilterKey(b, "good", {3}), IsOk());
+  ASSERT_THAT(WriteFilterKey(b, "keep", {1}), IsOk());
+  ASSERT_THAT(MergeDatasets({a, b}, out_, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(*ReadFilterKeys(out_), (FilterKeys{{"good", {0, 1, 3}}, {"keep", {1}}}));
+
+  CampaignSpec other = spec_;
+  other.seed = 77;
+  const Path c = Write("c", other, {5, 7}), anew = folder_ / "anew";
+  ASSERT_THAT(WriteFilterKey(c, "keep", {7}), IsOk());
+  ASSERT_THAT(MergeDatasets({b, c}, anew, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(*ReadFilterKeys(anew), (FilterKeys{{"good", {1}}, {"keep", {0, 3}}}));
+  EXPECT_TRUE(IsDerived(anew)) << "nobody collects on there";
 }
 
 TEST_F(Merge, RefusesWhatDoesNotGoTogether) {

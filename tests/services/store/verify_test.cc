@@ -5,10 +5,14 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <cstdio>
+#include <cstdlib>
 #include <fstream>
 
 #include "services/core/rng.h"
+#include "services/core/stop.h"
 #include "services/store/dataset.h"
+#include "services/store/layout.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
@@ -193,6 +197,33 @@ TEST(Verify, ReportsFilesThatAreNoEpisodes) {
   ASSERT_EQ(report->bad.size(), 2u);
   EXPECT_EQ(report->bad[0].reason, "not an episode's name");
   EXPECT_EQ(report->bad[1].reason, "it holds episode 0");
+}
+
+// A verification that ended between moving files and writing the master file: the next one found nothing bad, and links
+// that led nowhere stayed.
+TEST(Verify, MendsWhatAnEarlierOneLeft) {
+  const Dataset dataset;
+  std::filesystem::remove(dataset.File(2));
+  EXPECT_EQ(internal::ReadDatasetFile(dataset.path)->statistics["episodes"], kEpisodes);
+  ASSERT_THAT(Verify(dataset.path, Quarantine::kNo), IsOk());
+  EXPECT_EQ(internal::ReadDatasetFile(dataset.path)->statistics["episodes"], kEpisodes) << "it changes nothing";
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+  ASSERT_THAT(report, IsOk());
+  EXPECT_TRUE(report->bad.empty());
+  EXPECT_EQ(internal::ReadDatasetFile(dataset.path)->statistics["episodes"], kEpisodes - 1);
+}
+
+// before, a stop waited for the last of ten thousand files
+TEST(Verify, EndsWhenItIsAskedTo) {
+  const Dataset dataset;
+  const auto stopped = [&] {  // in a process of its own: a request stays
+    RequestStop();
+    std::fputs(
+        (Verify(dataset.path, Quarantine::kYes).error().message + HashDataset(dataset.path).error().message).c_str(),
+        stderr);
+    std::_Exit(7);
+  };
+  EXPECT_EXIT(stopped(), testing::ExitedWithCode(7), "verify: stopped after 0 of 6 files.*hash: stopped after 0 of 6");
 }
 
 TEST(HashDataset, DependsOnContentAndNumberAlone) {
