@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cctype>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -32,10 +33,27 @@
 namespace etude::bus {
 namespace {
 
+// How often a library said something, but for the numbers in it. Of a link that is down it says so at every datagram.
+class Repetitions {
+ public:
+  // @returns how often by now, where that is to be told: at 1, 2, 4, 8, ...
+  std::optional<std::uint64_t> Count(std::string text) {
+    std::erase_if(text, [](unsigned char c) { return std::isdigit(c) != 0; });
+    if (counts_.size() >= kMostTexts) counts_.clear();
+    const std::uint64_t count = ++counts_[text];
+    return std::has_single_bit(count) ? std::optional(count) : std::nullopt;
+  }
+
+ private:
+  static constexpr std::size_t kMostTexts = 256;
+  std::map<std::string, std::uint64_t> counts_;
+};
+
 // Cyclone explains its failures only in its log: keep the last explanation for our message.
 struct DdsLog {
   Mutex mutex;
   std::string last_error ETUDE_GUARDED_BY(mutex);
+  Repetitions repetitions ETUDE_GUARDED_BY(mutex);
   SecurityLines security;
 };
 
@@ -58,7 +76,12 @@ void OnDdsLog(void*, const dds_log_data_t* data) {
     if (const auto once = GetDdsLog().security.Take(*line)) Log().warn("{}", *once);
     return;
   }
-  Log().warn("dds: {}", text);
+  const auto count = [&] {
+    auto& log = GetDdsLog();
+    const MutexLock lock(log.mutex);
+    return log.repetitions.Count(text);
+  }();
+  if (count) Log().warn("dds: {}{}", text, *count > 1 ? fmt::format(" ({} times by now)", *count) : "");
 }
 
 std::string TakeLastDdsError() {

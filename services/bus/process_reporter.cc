@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <deque>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -68,7 +69,11 @@ struct ProcessReporter::Impl {
   std::optional<LogListener> listener;
   std::thread thread;  // last: it uses all of the above
 
+  std::atomic<std::thread::id> publisher = {};
+
   void Hear(const LogRecord& record) ETUDE_EXCLUDES(mutex) {
+    // what publishing logs, a library of a link that is down at every datagram, would be published next
+    if (std::this_thread::get_id() == publisher.load()) return;
     const MutexLock lock(mutex);
     if (waiting.size() >= kMostWaiting) {
       waiting.pop_front();
@@ -97,7 +102,6 @@ void ProcessReporter::Impl::PublishStatus() {
   status.disk_free_bytes = facts.disk_free_bytes;
   status.disk_total_bytes = facts.disk_total_bytes;
   status.topics_json = TopicsJson(*state);
-  // not above debug: what is logged here would be published next
   if (const Status written = statuses.Write(status); !written)
     Log().debug("cannot say how this process is: {}", written.error().message);
 }
@@ -129,6 +133,7 @@ ProcessReporter::Impl::News ProcessReporter::Impl::AwaitNews(MonotonicClock::tim
 
 // What was logged before the end is published first.
 void ProcessReporter::Impl::Work() {
+  publisher = std::this_thread::get_id();
   auto due = MonotonicClock::now();
   while (true) {
     News news = AwaitNews(due);

@@ -92,7 +92,8 @@ std::optional<SecurityLine> TranslateSecurity(std::string_view text) {
 std::optional<std::string> SecurityLines::Take(const SecurityLine& line) {
   if (line.text.empty()) return std::nullopt;
   const MutexLock lock(mutex_);
-  if (said_.size() >= kMostPeers) return std::nullopt;
+  // strangers choose their names: they must not silence what is said of others for ever
+  if (said_.size() >= kMostPeers) said_.clear();
   if (!said_.insert(line.reason + "\n" + line.peer).second) return std::nullopt;
   return line.text;
 }

@@ -29,7 +29,7 @@ class SecurityLines {
   std::optional<std::string> Take(const SecurityLine& line);
 
  private:
-  static constexpr std::size_t kMostPeers = 4096;  // strangers choose their names
+  static constexpr std::size_t kMostPeers = 4096;  // peers and reasons, then each is said once more
   Mutex mutex_;
   std::set<std::string> said_ ETUDE_GUARDED_BY(mutex_);
 };

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "services/core/clock.h"
+#include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
@@ -109,7 +110,7 @@ Result<std::string> Replaced(const std::string& text, const std::string& begin, 
 
 struct NetArguments {
   DoctorArguments common;
-  double seconds = 3;
+  double seconds = 6;  // a star's hosts ask for others each 5 s
   std::string profile;
   std::vector<std::string> hubs;
   int processes = 16;
@@ -130,7 +131,7 @@ Status DoctorNet(const NetArguments& arguments) {
   if (!arguments.profile.empty()) return WriteProfile(arguments);
   ETUDE_ASSIGN_OR_RETURN(const NetworkReport report, Look(arguments.common.bus, arguments.seconds));
   if (arguments.common.as_json)
-    fmt::print("{}\n", ToJson(report).dump(2));
+    fmt::print("{}\n", JsonText(ToJson(report), 2));
   else
     fmt::print("{}", ToText(report));
   return {};

@@ -73,13 +73,14 @@ std::string NamesText(const std::vector<std::string>& names) {
   return names.empty() ? "any" : fmt::format("{}", fmt::join(names, ","));
 }
 
-// Times in seconds since 1970; "campaigns" and "runs" without one: any.
+// Times in seconds since 1970; "campaigns", "runs" and "domains" without one: any.
 OrderedJson JsonOf(const security::Issued& item, std::int64_t now) {
   return {{"name", item.name},
           {"serial", item.serial},
           {"roles", item.roles},
           {"campaigns", item.campaigns},
           {"runs", item.runs},
+          {"domains", item.domains},
           {"not_before", item.not_before},
           {"not_after", item.not_after},
           {"revoked", item.revoked ? OrderedJson(*item.revoked) : OrderedJson()},
@@ -98,9 +99,9 @@ Status ShowAuthority(const std::string& folder, bool as_json) {
     return {};
   }
   for (const auto& item : issued)
-    fmt::print("{:<20} {:<24} campaigns {:<12} runs {:<12} {}\n", item.name,
+    fmt::print("{:<20} {:<24} campaigns {:<12} runs {:<12} domains {:<8} {}\n", item.name,
                fmt::format("{}", fmt::join(item.roles, ",")), NamesText(item.campaigns), NamesText(item.runs),
-               StateText(item, now));
+               item.domains.empty() ? "any" : fmt::format("{}", fmt::join(item.domains, ",")), StateText(item, now));
   if (issued.empty()) fmt::print("nothing issued yet\n");
   return {};
 }

@@ -7,10 +7,12 @@
 #include <cstdio>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "services/bus/topology.h"
 #include "services/cli/bus_watch.h"
 #include "services/cli/command_line.h"
+#include "services/core/clock.h"
 #include "services/core/config.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
@@ -108,18 +110,28 @@ Status Echo(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
   std::set<std::string> refused;
+  bool told_of_most = false;
   std::uint64_t printed = 0;
   for (int round = 0; !StopRequested() && std::ferror(stdout) == 0; ++round) {
     if (round % 10 == 0) {  // a new run or campaign has a partition of its own
       ETUDE_ASSIGN_OR_RETURN(const auto partitions, Written(participant, arguments));
       std::erase_if(readers, [&](const auto& item) { return std::ranges::count(partitions, item.first) == 0; });
       for (const auto& partition : partitions) {
-        if (readers.contains(partition) || readers.size() >= kMostPartitions) continue;
+        if (readers.contains(partition)) continue;
+        if (readers.size() >= kMostPartitions) {
+          if (!std::exchange(told_of_most, true))
+            Log().warn("{} partitions are written, and {} of them are read; --partition chooses one", partitions.size(),
+                       kMostPartitions);
+          break;
+        }
         auto reader = bus::Echo::Open(participant, arguments.topic, partition);
-        // an identity of one campaign or run may not read the others
-        if (!reader && participant.secured() && refused.insert(partition).second)
-          Log().warn("'{}' is left out: {}", partition, reader.error().message);
-        if (!reader && participant.secured()) continue;
+        // an identity of one campaign or run may not read the others, and a stranger may call one anything
+        if (!reader &&
+            (participant.secured() || (arguments.partition.empty() && reader.error().code == Code::kInvalidArgument))) {
+          if (refused.insert(partition).second)
+            Log().warn("'{}' is left out: {}", Printable(partition), reader.error().message);
+          continue;
+        }
         ETUDE_ASSIGN_OR_RETURN(readers[partition], std::move(reader));
       }
     }
@@ -139,9 +151,14 @@ Status Hz(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   monitor::TopicRates rates;
-  rates.Begin(watch.view().processes);
-  ETUDE_RETURN_IF_ERROR(
-      watch.LookAround(std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1000))));
+  // in a star hosts find each other within seconds
+  const auto end =
+      MonotonicClock::now() + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1000));
+  do {
+    rates.Hear(watch.view().processes);
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - MonotonicClock::now());
+    ETUDE_RETURN_IF_ERROR(watch.LookAround(std::clamp(left, 1ms, 500ms)));
+  } while (MonotonicClock::now() < end && !StopRequested());
   OrderedJson all = OrderedJson::array();
   for (const auto& [topic, rate] : rates.End(watch.view().processes)) {
     if (!arguments.topic.empty() && topic != arguments.topic) continue;

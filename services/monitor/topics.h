@@ -51,10 +51,12 @@ struct TopicRate {
   int writers = 0;                                      ///< processes that write it
 };
 
-/// Of the time between Begin and End. A process that was not there at the beginning does not count.
+/// Of the time between Begin, of a process that was heard first later between that, and End.
 class TopicRates {
  public:
   void Begin(const Processes& processes) { first_ = processes; }
+  /// Now and then: those that are new begin to count.
+  void Hear(const Processes& processes) { first_.insert(processes.begin(), processes.end()); }
   std::map<std::string, TopicRate> End(const Processes& processes) const;
 
  private:

@@ -9,11 +9,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "services/core/clock.h"
+#include "services/core/descriptor.h"
 #include "services/core/file_lock.h"
 #include "services/core/stop.h"
 #include "services/security/certificate.h"
@@ -162,7 +164,8 @@ Result<Crl> MakeCrl(const Certificate& authority, const Key& key, const std::vec
   X509_CRL_set1_lastUpdate(crl.get(), last.get());
   X509_CRL_set1_nextUpdate(crl.get(), next.get());
   for (const auto& item : issued) {
-    if (!item.revoked) continue;
+    // one that has expired is refused for that; the list is what every process reads at its start
+    if (!item.revoked || item.not_after < Now() - kDay) continue;
     BIGNUM* number = nullptr;
     BN_hex2bn(&number, item.serial.c_str());
     const std::unique_ptr<ASN1_INTEGER, FreeWith<ASN1_INTEGER_free>> serial(BN_to_ASN1_INTEGER(number, nullptr));
@@ -188,10 +191,15 @@ Path IssuedFile(const Path& folder) { return folder / "ca" / "issued.json"; }
 Status WriteIssued(const Path& folder, const std::vector<Issued>& issued) {
   Json list = Json::array();
   for (const auto& item : issued) {
-    Json entry{{"name", item.name},           {"serial", item.serial},
-               {"roles", item.roles},         {"campaigns", item.campaigns},
-               {"runs", item.runs},           {"not_before", item.not_before},
-               {"not_after", item.not_after}, {"revoked", item.revoked ? Json(*item.revoked) : Json()}};
+    Json entry{{"name", item.name},
+               {"serial", item.serial},
+               {"roles", item.roles},
+               {"campaigns", item.campaigns},
+               {"runs", item.runs},
+               {"not_before", item.not_before},
+               {"not_after", item.not_after},
+               {"domains", item.domains},
+               {"revoked", item.revoked ? Json(*item.revoked) : Json()}};
     list.push_back(std::move(entry));
   }
   return WriteFileAtomically(IssuedFile(folder), list.dump(1) + "\n");
@@ -203,13 +211,15 @@ struct Authority {
   Key key;
 };
 
+Error NoAuthority(const Path& folder, const Path& missing) {
+  return {Code::kNotFound, fmt::format("'{}' is no authority: '{}' is missing; make one with: etude security init {}",
+                                       folder.string(), missing.string(), folder.string())};
+}
+
 Result<Authority> OpenAuthority(const Path& folder, const std::string& name) {
   const Path key = folder / "ca" / (name + "-ca.key");
   std::error_code error;
-  if (!std::filesystem::exists(key, error))
-    return Fail(Code::kNotFound,
-                fmt::format("'{}' is no authority: '{}' is missing; make one with: etude security init {}",
-                            folder.string(), key.string(), folder.string()));
+  if (!std::filesystem::exists(key, error)) return Fail(NoAuthority(folder, key));
   Authority authority;
   ETUDE_ASSIGN_OR_RETURN(authority.certificate, ReadCertificate(folder / "public" / (name + "-ca.pem")));
   ETUDE_ASSIGN_OR_RETURN(authority.key, ReadPrivateKey(key));
@@ -304,9 +314,13 @@ Status InitAuthority(const Path& folder, Protection protection) {
     if (std::filesystem::exists(folder / name, error))
       return Fail(
           Code::kInvalidArgument,
-          fmt::format("'{}' holds an authority already (or '{}' of something else); a second one would shut out "
-                      "all identities of the first",
-                      folder.string(), name));
+          std::filesystem::exists(IssuedFile(folder), error)
+              ? fmt::format("'{}' holds an authority already; a second one would shut out all identities of the first",
+                            folder.string())
+              : fmt::format(
+                    "'{}' holds '{}' of an authority that was not made to its end, or of something else; remove "
+                    "'ca' and 'public' in it, and begin again",
+                    folder.string(), name));
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder / "ca"));
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder / "public"));
   std::filesystem::permissions(folder / "ca", std::filesystem::perms::owner_all, error);
@@ -323,7 +337,14 @@ namespace {
 
 // Of several that issue and revoke side by side each sees what the one before has listed.
 Result<FileLock> AwaitTurn(const Path& folder) {
-  if (const auto there = ReadIssued(folder); !there) return Fail(there.error());
+  if (const auto there = ReadIssued(folder); !there) {
+    if (there.error().code != Code::kNotFound) return Fail(there.error());
+    return Fail(NoAuthority(folder, IssuedFile(folder)));
+  }
+  // a folder that cannot be written is no authority that another one uses: it is not waited for
+  if (const Descriptor writable(::open((folder / "ca" / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+      !writable)
+    return Fail(ErrnoError("open", folder / "ca" / ".lock", errno));
   constexpr int kTries = 300;
   for (int i = 0;; ++i) {
     auto lock = FileLock::Take(folder / "ca" / ".lock", fmt::format("authority '{}' is being used", folder.string()));
@@ -347,8 +368,8 @@ Result<Path> Issue(const Path& folder, const IssueOptions& asked) {
                               options.name, UtcText(other.not_after)));
   const Path identity = folder / options.name;
   ETUDE_ASSIGN_OR_RETURN(const IdentityFiles files, MakeIdentity(folder, options));
-  Issued entry{options.name,       files.serial,      {}, options.campaigns, options.runs,
-               options.not_before, options.not_after, {}};
+  Issued entry{options.name,      files.serial,    {}, options.campaigns, options.runs, options.not_before,
+               options.not_after, options.domains, {}};
   for (const Role role : options.roles) entry.roles.push_back(ToString(role));
   issued.push_back(std::move(entry));
   // first of all: what is not listed could not be revoked
@@ -396,6 +417,7 @@ Result<std::vector<Issued>> ReadIssued(const Path& folder) {
       entry.at("runs").get_to(item.runs);
       entry.at("not_before").get_to(item.not_before);
       entry.at("not_after").get_to(item.not_after);
+      item.domains = entry.value("domains", std::vector<std::uint32_t>());  // older lists have none
       if (const auto& revoked = entry.at("revoked"); revoked.is_number()) item.revoked = revoked.get<std::int64_t>();
       issued.push_back(std::move(item));
     }

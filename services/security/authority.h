@@ -39,6 +39,7 @@ struct Issued {
   std::string name, serial;
   std::vector<std::string> roles, campaigns, runs;
   std::int64_t not_before = 0, not_after = 0;
+  std::vector<std::uint32_t> domains;   ///< empty: all
   std::optional<std::int64_t> revoked;  ///< when
 };
 

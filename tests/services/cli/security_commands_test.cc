@@ -52,10 +52,11 @@ TEST_F(SecurityCommands, AnIdentityIsMadeShownAndTakenBack) {
 
 TEST_F(SecurityCommands, RolesCampaignsAndRunsAreAsTheyWereAsked) {
   ASSERT_EQ(Issue("both", {"--role", "collector", "--role", "gateway", "--campaign", "lab", "--campaign", "hall",
-                           "--run", "base"})
+                           "--run", "base", "--domain", "9", "--domain", "12"})
                 .exit_code,
             kExitOk);
-  EXPECT_THAT(Line("both"), HasAll({"collector,gateway", "campaigns lab,hall", "runs base"}));
+  EXPECT_THAT(Line("both"), HasAll({"collector,gateway", "campaigns lab,hall", "runs base", "domains 9,12"}))
+      << "whoever issues it again has to know";
 }
 
 TEST_F(SecurityCommands, WhatCannotBeAnIdentityIsUsage) {

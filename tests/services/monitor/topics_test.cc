@@ -55,16 +55,20 @@ TEST(TopicRates, AreDifferencesOfWhatWritersCount) {
   Processes processes;
   processes["p"] = {status(10), kNow};
   TopicRates rates;
-  rates.Begin(processes);
+  rates.Hear(processes);
+  // who is heard later counts from then on: in a star that is most of them
+  processes["late"] = {status(7), kNow + 2s};
+  rates.Hear(processes);
   processes["p"] = {status(30), kNow + 4s};
+  processes["late"] = {status(9), kNow + 4s};
   processes["new"] = {status(99), kNow + 4s};
 
   const auto found = rates.End(processes);
 
   ASSERT_EQ(found.size(), 1u);
-  EXPECT_DOUBLE_EQ(found.at("t").samples_per_second, 5);
-  EXPECT_DOUBLE_EQ(found.at("t").bytes_per_second, 500);
-  EXPECT_EQ(found.at("t").writers, 1);
+  EXPECT_DOUBLE_EQ(found.at("t").samples_per_second, 5 + 1);
+  EXPECT_DOUBLE_EQ(found.at("t").bytes_per_second, 500 + 100);
+  EXPECT_EQ(found.at("t").writers, 2);
 }
 
 // of a stranger, too
@@ -91,10 +95,10 @@ TEST(TopicRates, NeverFallBelowNothing) {
     return Heard<bus::ProcessStatus>{status, at};
   };
   TopicRates rates;
-  rates.Begin({{"again", process("again", 1000, kNow)},
-               {"still", process("still", 100, kNow)},
-               {"left", process("left", 7, kNow)},
-               {"late", process("late", 0, kNow + 5s)}});
+  rates.Hear({{"again", process("again", 1000, kNow)},
+              {"still", process("still", 100, kNow)},
+              {"left", process("left", 7, kNow)},
+              {"late", process("late", 0, kNow + 5s)}});
   const auto found = rates.End({{"again", process("again", 10, kNow + 2s)},  // began anew: counts from 0
                                 {"still", process("still", 300, kNow + 2s)},
                                 {"late", process("late", 50, kNow + 5s)}});  // no time has passed

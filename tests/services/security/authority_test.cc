@@ -103,6 +103,28 @@ TEST_F(AuthorityTest, ASecondAuthorityInAFolderIsRefused) {
   EXPECT_FALSE(InitAuthority(folder_.path(), Protection::kEncrypt));
 }
 
+// the disk was full, say: neither to begin again nor to go on said what to do
+TEST_F(AuthorityTest, OneThatWasNotMadeToItsEndSaysHowToBeginAgain) {
+  std::filesystem::remove(folder_.path() / "ca" / "issued.json");
+  EXPECT_THAT(InitAuthority(folder_.path(), Protection::kEncrypt).error().message,
+              HasSubstr("remove 'ca' and 'public'"));
+  EXPECT_THAT(IssueWorker("rack-1").error().message, HasSubstr("etude security init"));
+}
+
+// every process reads the list at its start: it must not grow with all that was ever revoked
+TEST_F(AuthorityTest, TheRevocationListForgetsWhatHasExpired) {
+  const auto bytes = [&] { return std::filesystem::file_size(folder_.path() / "public" / "crl.pem"); };
+  ASSERT_TRUE(IssueWorker("now"));
+  ASSERT_TRUE(Revoke(folder_.path(), "now"));
+  const auto one = bytes();
+  ASSERT_TRUE(IssueWorker("old", -10 * 86400, -3 * 86400));
+  ASSERT_TRUE(Revoke(folder_.path(), "old"));
+  EXPECT_EQ(bytes(), one);
+  ASSERT_TRUE(IssueWorker("too"));
+  ASSERT_TRUE(Revoke(folder_.path(), "too"));
+  EXPECT_GT(bytes(), one);
+}
+
 TEST_F(AuthorityTest, ShowsWhatWasIssued) {
   ASSERT_TRUE(IssueWorker("rack-1"));
   ASSERT_TRUE(IssueWorker("rack-2"));
