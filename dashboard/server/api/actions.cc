@@ -113,8 +113,7 @@ bool IsGiven(Context& context, const Path& folder) {
 Path EvaluationFolder(const Path& out, const Path& run) {
   const auto identity = ReadIdentity(run);
   const auto is_anothers = [&](const Path& folder) {
-    const auto text = ReadTextFile(folder / "eval.json", 256 << 20);
-    const std::string of = text ? campaign::SubjectOf(ParseBoundedJson(*text).value_or(OrderedJson())).run_id : "";
+    const std::string of = campaign::SubjectOf(campaign::ReadReport(folder)).run_id;
     return identity && !of.empty() && of != identity->id;
   };
   Path folder = out;

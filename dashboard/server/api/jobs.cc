@@ -10,6 +10,7 @@
 #include <fstream>
 #include <initializer_list>
 
+#include "dashboard/server/sources/bounded_folder.h"
 #include "dashboard/server/sources/files.h"
 #include "services/core/clock.h"
 #include "services/core/identity.h"
@@ -149,8 +150,10 @@ void Jobs::Pump() {
       StartJob(job);
       continue;
     }
-    if (std::exchange(job.stop, false)) job.process->Terminate();
+    for (; job.told < job.stops; ++job.told)
+      job.process->Signal(SIGTERM);  // programs of ours end at once at the second
     CutLog(job);
+    KeepLog(job);
     if (const auto exit_code = job.process->Poll()) End(job, *exit_code);
   }
 }
@@ -164,6 +167,15 @@ void Jobs::CutLog(const Job& job) const {
   std::string text;
   for (const auto& line : Tail(log)) text += line + "\n";
   std::ofstream(log, std::ios::binary | std::ios::trunc) << text;
+}
+
+// A job that says nothing for a day is at work: another gateway that starts here must see it (RemoveOldLogs).
+void Jobs::KeepLog(Job& job) const {
+  constexpr double kEach_s = 3600;
+  const double now = WallSeconds();
+  if (now - job.log_used < kEach_s) return;
+  job.log_used = now;
+  sources::MarkUsed(LogOf(job));
 }
 
 const Jobs::Job* Jobs::Same(const std::string& once) const {
@@ -187,7 +199,7 @@ Status Jobs::Stop(const std::string& id) {
   MutexLock lock(mutex_);
   const auto job = std::ranges::find(jobs_, id, &Job::id);
   if (job == jobs_.end()) return Fail(Code::kNotFound, fmt::format("there is no job '{:.40}'", id));
-  job->stop = job->running();
+  job->stops += job->running();
   return {};
 }
 

@@ -47,7 +47,7 @@ class Jobs {
   /// Starts what waits and looks after what runs. Call a few times a second, always on the same thread: the kernel ends
   /// children with the thread that started them.
   void Pump();
-  /// Asks it to end (SIGTERM). @error kNotFound
+  /// Asks it to end (SIGTERM); asked again, it ends at once. @error kNotFound
   Status Stop(const std::string& id);
   /// Ends all children; on the thread of Pump.
   void StopAll();
@@ -65,8 +65,9 @@ class Jobs {
     double started = 0, ended = 0;
     std::optional<int> exit_code;
     std::optional<campaign::Process> process;
-    bool stop = false;
-    std::string problem;  // why it could not be started
+    int stops = 0, told = 0;  // asked for, and of these said to the process
+    double log_used = 0;      // when its log was last said to be in use
+    std::string problem;      // why it could not be started
     bool running() const { return ended == 0; }
   };
   const Job* Same(const std::string& once) const ETUDE_REQUIRES(mutex_);  // the one that runs
@@ -76,6 +77,7 @@ class Jobs {
   OrderedJson JsonOf(const Job& job) const;
   Path LogOf(const Job& job) const { return folder_ / (job.id + ".log"); }
   void CutLog(const Job& job) const;
+  void KeepLog(Job& job) const;
 
   const Path folder_;
   const std::string program_;

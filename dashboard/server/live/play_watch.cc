@@ -29,12 +29,7 @@ Status PlayWatch::Start() {
   if (participant_) return {};
   ETUDE_ASSIGN_OR_RETURN(auto participant, arguments_.Open());
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
-  ETUDE_ASSIGN_OR_RETURN(auto commander, play::Client::Open(participant));
   participant_.emplace(std::move(participant));
-  {
-    MutexLock commands(command_mutex_);
-    commander_.emplace(std::move(commander));
-  }
   {
     MutexLock reading(mutex_);
     reading_ = &*participant_;
@@ -49,6 +44,7 @@ void PlayWatch::Run(std::stop_token stop, play::Client client) {
     const auto& sessions = client.Listen(kListen);
     MutexLock lock(mutex_);
     sessions_ = sessions;
+    std::erase_if(commanders_, [this](const auto& item) { return !sessions_.contains(item.first); });
     TakeFrames();
     TakeInsights();
   }
@@ -144,8 +140,21 @@ Result<PlayWatch::Insight> PlayWatch::LookInto(const std::string& name) {
 Result<bus::PlayState> PlayWatch::Command(const std::string& name, bus::PlayAction action,
                                           const OrderedJson& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const Session session, Look(name));
-  MutexLock lock(command_mutex_);
-  return commander_->Command(session.state.session, action, arguments, kAnswer);
+  std::shared_ptr<Commander> commander;
+  const bus::Participant* participant = nullptr;
+  {
+    MutexLock lock(mutex_);
+    auto& slot = commanders_[session.state.session];
+    if (!slot) slot = std::make_shared<Commander>();
+    commander = slot;
+    participant = reading_;
+  }
+  MutexLock lock(commander->mutex);
+  if (!commander->client) {
+    ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(*participant));
+    commander->client.emplace(std::move(client));
+  }
+  return commander->client->Command(session.state.session, action, arguments, kAnswer);
 }
 
 }  // namespace etude::live

@@ -66,9 +66,13 @@ class PlayWatch {
   const bus::Arguments arguments_;
   Mutex start_mutex_;  // taken before the others
   std::optional<bus::Participant> participant_ ETUDE_GUARDED_BY(start_mutex_);
-  Mutex command_mutex_;
-  std::optional<play::Client> commander_ ETUDE_GUARDED_BY(command_mutex_);
+  // Each session has its own: one that does not answer keeps nobody else's commands.
+  struct Commander {
+    Mutex mutex;
+    std::optional<play::Client> client ETUDE_GUARDED_BY(mutex);
+  };
   mutable Mutex mutex_;
+  std::map<std::string, std::shared_ptr<Commander>> commanders_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::string, play::HeardState> sessions_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::string, Watched> watched_ ETUDE_GUARDED_BY(mutex_);
   const bus::Participant* reading_ ETUDE_GUARDED_BY(mutex_) = nullptr;

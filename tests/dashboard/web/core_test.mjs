@@ -273,3 +273,18 @@ test('lines of a log find what the documentation says of them', async () => {
   const known = readAdvice(page);
   for (const [, key] of page.matchAll(/^### `(.+)`$/gm)) assert.ok(adviceFor(`12:00 ${key.replaceAll('...', 'X')} and so on`, known)?.body.length, key);
 });
+
+test('who asks while the gateway cannot answer asks again, and not for ever', async () => {
+  const { patiently, RequestError } = await load('api.ts');
+  const refused = (status) => { throw new RequestError({ title: 'no', status }); };
+  const never = new AbortController().signal;
+  let asked = 0;
+  assert.equal(await patiently(async () => (++asked < 2 ? refused(503) : 'said'), never), 'said');
+  assert.equal(asked, 2);
+  await assert.rejects(patiently(async () => refused(503), never, 0), /no/);
+  asked = 0;
+  await assert.rejects(patiently(async () => { ++asked; return refused(404); }, never), /no/);
+  assert.equal(asked, 1, 'another answer counts at once');
+  const gone = new AbortController();
+  await assert.rejects(patiently(async () => { gone.abort(); return refused(503); }, gone.signal), /no/);
+});

@@ -46,6 +46,19 @@ export function problemOf(error: unknown): Problem {
   return error instanceof RequestError ? error.problem : { title: 'It could not be done', status: 0, detail: String(error) };
 }
 
+/** Asks again while the gateway says that it cannot answer now (503), for up to `for_ms`. */
+export async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal, for_ms = 8000): Promise<T> {
+  for (const until = performance.now() + for_ms; ;) {
+    try {
+      return await ask();
+    } catch (error) {
+      if (signal.aborted || problemOf(error).status !== 503 || performance.now() >= until) throw error;
+    }
+    await new Promise((go) => setTimeout(go, 500));
+    if (signal.aborted) throw new RequestError({ title: 'Nobody waits for the answer any more', status: 0 });
+  }
+}
+
 /** In a few words why something was not done. */
 export function reasonOf(error: unknown): string {
   const problem = problemOf(error);

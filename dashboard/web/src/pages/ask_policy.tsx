@@ -3,7 +3,7 @@
 // follow from another sentence, a hidden part, or a module that says something else or thinks of another sentence.
 // Nothing of it reaches a robot. All of the question stands in the address.
 import { useEffect, useMemo } from 'preact/hooks';
-import { postJson, query, useResource } from '../core/api';
+import { patiently, postJson, query, useResource } from '../core/api';
 import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
 import { focusOn, useKeys } from '../core/keys';
@@ -95,7 +95,10 @@ function Bench(props: Asked & { episode: Episode }) {
   const [, go] = parameter('episode');
   const hidden = useMemo(() => readRectangles(hide), [hide]);
   const body = useMemo(() => questionOf(run, episode, { picture, sentence: sentence.value, other: other.value, hidden, say: say.value, think: think.value, worth: worth === 'on' }), [run, episode, picture, sentence.value, other.value, hidden, say.value, think.value, worth]);
-  const answer = useResource<Insight>(camera ? body : null, { load: (path, signal) => postJson<Insight>('/insight', JSON.parse(path), signal) });
+  const answer = useResource<Insight>(camera ? body : null, {
+    // one question at a time is asked: the one before, of a slider that was dragged on, may still be
+    load: (path, signal) => patiently(() => postJson<Insight>('/insight', JSON.parse(path), signal), signal),
+  });
   const data = answer.data;
   useEffect(() => props.tell(data), [data]);
   useEffect(() => () => props.tell(undefined), []);

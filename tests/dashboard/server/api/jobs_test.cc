@@ -116,5 +116,41 @@ TEST(Jobs, OneThatLastsKeepsNoneOfThoseThatEnded) {
   jobs.StopAll();
 }
 
+// one that is asked to stop may have much to end; before, a second request did nothing
+TEST(Jobs, AskedTwiceToStopIsToldTwice) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs", "/bin/sh");
+  const auto id = jobs.Add({"verify",
+                            {"-c", "trap 'trap - TERM; echo draining' TERM; echo ready; while :; do sleep 0.01; done"},
+                            Weight::kLight,
+                            "verify"});
+  ASSERT_THAT(id, IsOk());
+  const auto pump_until = [&](const std::string& said) {
+    for (jobs.Pump(); jobs.Json(*id).value()["log"].dump().find(said) == std::string::npos;) jobs.Pump();
+  };
+  pump_until("ready");
+  ASSERT_THAT(jobs.Stop(*id), IsOk());
+  pump_until("draining");
+  EXPECT_EQ(jobs.Json(*id).value()["state"], "running");
+  ASSERT_THAT(jobs.Stop(*id), IsOk());
+  while (jobs.Running("verify")) jobs.Pump();
+  EXPECT_EQ(jobs.Json(*id).value()["exit_code"], 128 + SIGTERM);
+}
+
+// a quiet one's log was removed when a second gateway began in the same folder
+TEST(Jobs, LogsOfThoseAtWorkStayHoweverLittleTheySay) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs", "/bin/sh");
+  const auto id = jobs.Add({"serve", {"-c", "exec sleep 1000"}, Weight::kLasting});
+  ASSERT_THAT(id, IsOk());
+  jobs.Pump();
+  const Path log = folder / "jobs" / (*id + ".log");
+  std::filesystem::last_write_time(log, std::filesystem::file_time_type::clock::now() - std::chrono::hours(25));
+  jobs.Pump();
+  const Jobs another(folder / "jobs");
+  EXPECT_TRUE(std::filesystem::exists(log));
+  jobs.StopAll();
+}
+
 }  // namespace jobs_test
 }  // namespace etude::api

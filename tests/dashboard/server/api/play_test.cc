@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 
 #include <functional>
+#include <future>
 #include <optional>
+#include <utility>
 
 #include "dashboard/server/live/play_watch.h"
 #include "services/bus/directory.h"
@@ -123,6 +125,46 @@ TEST_F(PlayApiTest, AWordIsSeenWhereTheTrainingOfThePolicySaidIt) {
   EXPECT_EQ(trained["words"][0], (OrderedJson{{"text", "push"}, {"seen", false}}));
   EXPECT_EQ(trained["words"][2], (OrderedJson{{"text", "coke"}, {"seen", true}}));
   EXPECT_EQ(trained["task"], "push") << "what it means does not depend on the training";
+}
+
+// before, all commands waited in one queue: a session that hung kept the Stop of every other one for eight seconds
+TEST_F(PlayApiTest, ASessionThatDoesNotAnswerKeepsNobodyElsesCommands) {
+  auto commands = bus::Reader<bus::PlayCommand>::Open(participant_, bus::kPlayPartition).value();
+  bus::PlayState other = state_;
+  other.session = "two";
+  const auto both = [&](const std::function<bool()>& done) {
+    return Until([&] {
+      EXPECT_TRUE(states_.Write(other));
+      return done();
+    });
+  };
+  ASSERT_TRUE(both([&] { return watch_.Sessions().value().size() == 2; }));
+  const auto stop = [&](const char* session) {
+    return std::async(std::launch::async,
+                      [&, session] { return watch_.Command(session, bus::PlayAction::kStop, OrderedJson::object()); });
+  };
+  const auto heard = [&](const std::string& session) {
+    for (const auto& command : commands.Take())
+      (command.session == "one" ? state_ : other).command_id = command.session == session ? command.command_id : "";
+    return !(session == "one" ? state_ : other).command_id.empty();
+  };
+  auto silent = stop("one");
+  std::string asked;  // of the one that does not answer
+  ASSERT_TRUE(both([&] {
+    if (!heard("one")) return false;
+    asked = std::exchange(state_.command_id, "");
+    return true;
+  }));
+  auto answered = stop("two");
+  ASSERT_TRUE(both([&] {
+    (void)heard("two");
+    return answered.wait_for(0s) == std::future_status::ready;
+  }));
+  EXPECT_THAT(answered.get(), IsOk());
+  EXPECT_EQ(silent.wait_for(0s), std::future_status::timeout);
+  state_.command_id = asked;
+  ASSERT_TRUE(both([&] { return silent.wait_for(0s) == std::future_status::ready; }));
+  EXPECT_THAT(silent.get(), IsOk());
 }
 
 }  // namespace play_test
