@@ -53,7 +53,9 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--set", arguments.set, "override, e.g. --set optimizer.lr=1e-3; may be repeated")
       ->allow_extra_args(false);
   app.add_option("--init", arguments.init,
-                 "begin with this checkpoint, and with its graph unless --config names another");
+                 "begin with this checkpoint (of a run's folder: its newest), and with its graph unless --config names "
+                 "another")
+      ->transform(CheckpointFile);
   const auto parts = [&](const char* option, std::vector<std::string>& names, const char* what) {
     app.add_option(option, names, what)->delimiter(',')->allow_extra_args(false);
   };

@@ -214,7 +214,21 @@ class Surgeon {
     }
   }
 
+  // Steps are counted of what has a loss of its own. Older checkpoints count none at all.
+  void FindUntrained() {
+    const auto& records = source_.metadata.modules;
+    if (std::ranges::none_of(records, [](const auto& record) { return record.second.trained_steps > 0; })) return;
+    for (const ModuleConfig& module : config_.modules) {
+      if (!surgery_.copied.contains(module.name) || module.decoder.quantity.empty()) continue;
+      const auto record = records.find(module.name);
+      if (record == records.end() || record->second.trained_steps == 0) surgery_.untrained.insert(module.name);
+    }
+  }
+
   void CheckFrozen() {
+    for (const auto& module : surgery_.untrained)
+      if (Contains(plan_.freeze, module))
+        problems_.push_back(fmt::format("{}: frozen, and not trained yet: it would never learn", module));
     for (const auto& part : plan_.freeze)
       if (!surgery_.copied.contains(part))
         problems_.push_back(
@@ -347,6 +361,7 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   surgeon.BeginImages();
   surgeon.BeginLike();
   surgeon.CopyStatistics();
+  surgeon.FindUntrained();
   surgeon.CheckFrozen();
   surgeon.surgery().differences = Differences(here, source.metadata.embodiment);
   return surgeon.Done();
@@ -390,7 +405,7 @@ int FirstLevelToLearn(const PolicyConfig& config, const Surgery& surgery) {
   const auto order = policy::EvaluationOrder(config);
   for (const ModuleConfig* module : order) {
     if (surgery.fresh.contains(module->name) || surgery.grown.contains(module->name) ||
-        surgery.fresh.contains(policy::AttentionPartOf(config, *module)))
+        surgery.untrained.contains(module->name) || surgery.fresh.contains(policy::AttentionPartOf(config, *module)))
       return module->level;
     Names used;
     for (const auto& item : module->attend) used.push_back(item.substr(0, item.find('@')));

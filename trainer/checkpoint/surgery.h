@@ -30,6 +30,8 @@ struct Surgery {
   /// Of copied modules that read more than their originals: what, by module. Decoders' new columns are zero, so that
   /// at first a copy decodes from new inputs what its original did without them.
   std::map<std::string, std::vector<std::string>> grown;
+  /// Of copied modules those that the source had not begun to train: they are as they were drawn.
+  std::set<std::string> untrained;
   /// Of attention that is shared and frozen: the modules that learn and use it as it is.
   std::map<std::string, std::vector<std::string>> frozen_attention;
   /// Of frozen modules that read what learns: what. They stay as they are bit for bit, and their answers move with it.
@@ -59,8 +61,8 @@ Status CheckFreeze(const policy::PolicyConfig& config, const std::vector<std::st
 /// measured at was another network.
 std::set<std::string> Unsettled(const policy::PolicyConfig& config, const Surgery& surgery);
 
-/// The lowest level at which there is something to learn: that of a module that is fresh or grown, or that is
-/// supervised to attend to, or decodes, what a fresh encoder makes; the last level when nothing is new.
+/// The lowest level at which there is something to learn: that of a module that is fresh, untrained or grown, or that
+/// is supervised to attend to, or decodes, what a fresh encoder makes; the last level when nothing is new.
 int FirstLevelToLearn(const policy::PolicyConfig& config, const Surgery& surgery);
 
 }  // namespace etude::checkpoint

@@ -16,11 +16,15 @@ namespace {
 
 using data::Split;
 
+std::size_t Planned(const CampaignSpec& spec, const char* split) {
+  std::size_t count = 0;
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) count += SplitOf(spec, i) == split;
+  return count;
+}
+
 std::size_t Planned(const data::Dataset& dataset, const char* split) {
   std::size_t count = 0;
-  for (std::size_t folder = 0; folder < dataset.folders(); ++folder)
-    for (std::uint64_t i = 0; i < dataset.spec(folder).episodes; ++i)
-      count += SplitOf(dataset.spec(folder), i) == split;
+  for (std::size_t folder = 0; folder < dataset.folders(); ++folder) count += Planned(dataset.spec(folder), split);
   return count;
 }
 
@@ -28,12 +32,21 @@ std::size_t Planned(const data::Dataset& dataset, const char* split) {
 struct Need {
   std::size_t train = 1, valid = 1;
   std::set<std::string> tasks;
-  std::vector<std::string> folders;  // of several: each, so that what comes of it later has been looked at
+  // of several: each, so that what comes of it later has been looked at, and is validated on
+  struct Folder {
+    std::string path;
+    std::size_t train = 0;  // of its own that it is patient for; 0: it need have nothing to validate on
+  };
+  std::vector<Folder> folders;
 
   static Need Of(const data::Dataset& dataset, const TrainConfig& config, bool follow) {
     Need need;
-    for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder)
-      need.folders.push_back(dataset.path(folder).string());
+    for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder) {
+      const auto& spec = dataset.spec(folder);
+      const bool validates = follow && Planned(spec, "valid") > 0;
+      const auto train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(spec, "train"));
+      need.folders.push_back({dataset.path(folder).string(), validates ? 2 * train : 0});
+    }
     if (!follow) return need;
     need.train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(dataset, "train"));
     need.valid = std::min(static_cast<std::size_t>(config.data.min_valid), Planned(dataset, "valid"));
@@ -48,9 +61,17 @@ struct Need {
     const auto count = [&](const char* what, std::size_t there, std::size_t wanted) {
       if (there < wanted) missing.push_back(fmt::format("{} of {} {} episodes", there, wanted, what));
     };
-    for (std::uint32_t folder = 0; folder < folders.size(); ++folder)
+    for (std::uint32_t folder = 0; folder < folders.size(); ++folder) {
+      const auto of = [&](Split split) {
+        return static_cast<std::size_t>(std::ranges::count_if(
+            snapshot.episodes(), [&](const auto& entry) { return entry->folder == folder && entry->split == split; }));
+      };
+      const auto& [path, patient] = folders[folder];
       if (std::ranges::none_of(snapshot.episodes(), [&](const auto& entry) { return entry->folder == folder; }))
-        missing.push_back(fmt::format("no episode of '{}'", folders[folder]));
+        missing.push_back(fmt::format("no episode of '{}'", path));
+      else if (of(Split::kValid) == 0 && of(Split::kTrain) < patient)
+        missing.push_back(fmt::format("no validation episode of '{}'", path));
+    }
     count("training", snapshot.episode_count(Split::kTrain), train);
     count("validation", snapshot.episode_count(Split::kValid), valid);
     // a task that never comes about (no scene of it works) keeps nobody waiting for ever

@@ -7,8 +7,11 @@
 #include <filesystem>
 #include <iterator>
 #include <map>
+#include <set>
+#include <string_view>
 #include <thread>
 
+#include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/language/held_out.h"
 #include "services/spec/episode_world.h"
@@ -25,6 +28,7 @@
 #include "trainer/policy/crop.h"
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/names.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace {
@@ -125,6 +129,17 @@ std::string WordsOf(const TrainingRun& run) {
   return language::WordsText(*words);
 }
 
+// The specs', and the ball where a task has one in the way, which no spec may name beside it.
+std::vector<std::string> ObjectsIn(const data::Dataset& dataset) {
+  std::vector<std::string> objects = dataset.objects();
+  const bool avoids = std::ranges::any_of(dataset.tasks(), [](const std::string& text) {
+    const auto task = ParseTask(text);
+    return task && task->avoid == "obstacle";
+  });
+  if (avoids && std::ranges::find(objects, kObstacleObject) == objects.end()) objects.emplace_back(kObstacleObject);
+  return objects;
+}
+
 // A module about one object learns nothing where there is none of it, and then nothing that reads it may drive.
 Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::string>& objects) {
   const auto path = checkpoint::ControlPath(config);
@@ -156,7 +171,7 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
   run.words = WordsOf(run);
   policy::PolicyConfig& config = run.config.policy;
-  ETUDE_RETURN_IF_ERROR(CheckObjects(config, run.dataset->objects()));
+  ETUDE_RETURN_IF_ERROR(CheckObjects(config, ObjectsIn(*run.dataset)));
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
   const std::vector<Camera> cameras = CamerasOfDataset(*run.dataset, snapshot);
   ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, cameras));
@@ -346,7 +361,7 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
 
 Result<std::optional<RunState>> StateToResume(const RunOptions& options) {
   if (!options.resume) return std::nullopt;
-  ETUDE_ASSIGN_OR_RETURN(auto state, LoadRunState(options.out / "training_state.safetensors"));
+  ETUDE_ASSIGN_OR_RETURN(auto state, LoadRunState(options.out / kRunStateFile));
   return std::optional(std::move(state));
 }
 
@@ -395,6 +410,15 @@ Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run, int co
   if (!run.options.ranks) return {};
   ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("configuration", ToJson(run.config).dump()));
   ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("threads.replicas", std::to_string(copies)));
+  // each reads its own file: an old copy of the state on another host would train another network along
+  const Path begins = run.options.resume ? run.options.out / kRunStateFile : Path(run.config.init.from);
+  std::string content;
+  if (!begins.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(begins));
+    content = Sha256Hex(bytes);
+  }
+  ETUDE_RETURN_IF_ERROR(
+      run.options.ranks->CheckSame(run.options.resume ? kRunStateFile : "content of init.from", content));
   if (run.options.follow) return {};
   return run.options.ranks->CheckSame("dataset", snapshot.Fingerprint());
 }
@@ -410,6 +434,22 @@ Status ShareStatistics(const RunOptions& options, data::Statistics& statistics) 
     std::copy_n(values.data_ptr<float>(), part->size(), part->begin());
   }
   return {};
+}
+
+// Of what learned until now, checkpoints had the average over the last steps; frozen it is as the last step left it.
+void LogFrozen(const RunState& state, const TrainingRun& run) {
+  const auto& freeze = run.config.init.freeze;
+  Log().info("frozen: {}", fmt::join(freeze, ", "));
+  std::set<std::string> raw;
+  for (const auto& [name, tensor] : state.optimizer)
+    if (constexpr std::string_view average = "average/"; name.starts_with(average))
+      if (const auto part = policy::PartOfTensor(name.substr(average.size())); std::ranges::count(freeze, part) > 0)
+        raw.insert(part);
+  if (!raw.empty())
+    Log().warn(
+        "{} learned until step {} and stay as that left them, not as their average over the last steps, which "
+        "checkpoints had: to keep that, begin a run with --init and the last checkpoint",
+        fmt::join(raw, ", "), state.step);
 }
 
 // What each of several folders adds. A run that goes on is validated on the episodes that it began with.
@@ -483,7 +523,7 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_RETURN_IF_ERROR(ShareStatistics(options, statistics));
   ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, state, copies, *run));
   LogFolders(*run->dataset, *snapshot, *run->validation);
-  if (state && !run->config.init.freeze.empty()) Log().info("frozen: {}", fmt::join(run->config.init.freeze, ", "));
+  if (state && !run->config.init.freeze.empty()) LogFrozen(*state, *run);
   if (!options.follow && run->dataset->unread() > 0)
     Log().warn("{} episodes could not be read and are left out; `etude dataset verify --keep` says why",
                run->dataset->unread());

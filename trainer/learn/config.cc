@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "services/core/config.h"
 #include "trainer/policy/compose.h"
 #include "trainer/policy/parts.h"
 #include "trainer/policy/policy_file.h"
@@ -96,11 +97,21 @@ class Resolver {
     const auto name_of = [](const OrderedJson& module) {
       return module.is_object() && module.contains("name") ? module["name"] : OrderedJson();
     };
-    for (const auto& entry : modules(addition))
-      for (const auto& module : modules(graph))
-        if (entry.is_object() && entry.contains("level") && name_of(entry) == name_of(module))
-          return Fail(Code::kInvalidArgument,
-                      fmt::format("add '{}': '{}' has a module {} already", name, own, name_of(entry).dump()));
+    std::vector<std::string> there;
+    for (const auto& module : modules(graph))
+      if (name_of(module).is_string()) there.push_back(name_of(module).get<std::string>());
+    for (const auto& entry : modules(addition)) {
+      if (!name_of(entry).is_string()) continue;  // whoever reads the graph says what is wrong
+      const auto word = name_of(entry).get<std::string>();
+      const bool makes = entry.contains("level"), known = std::ranges::find(there, word) != there.end();
+      if (makes && known)
+        return Fail(Code::kInvalidArgument, fmt::format("add '{}': '{}' has a module \"{}\" already", name, own, word));
+      if (!makes && !known)
+        return Fail(Code::kInvalidArgument,
+                    fmt::format("add '{}': '{}' has no module \"{}\" to give more to, and without a level it makes "
+                                "none{}",
+                                name, own, word, Suggestion(word, there)));
+    }
     return {};
   }
 

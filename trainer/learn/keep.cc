@@ -117,7 +117,7 @@ Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
   return WriteOrWait(run, "the state that --resume needs",
-                     [&] { return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run)); });
+                     [&] { return SaveRunState(run.options.out / kRunStateFile, StateOf(run)); });
 }
 
 AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {

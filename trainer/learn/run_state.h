@@ -13,6 +13,9 @@
 
 namespace etude::learn {
 
+/// In the run's folder.
+inline constexpr const char* kRunStateFile = "training_state.safetensors";
+
 struct RunState {
   std::map<std::string, torch::Tensor> policy;     ///< Policy::StateTensors, raw (not averaged) weights
   std::map<std::string, torch::Tensor> optimizer;  ///< Optimizer::StateTensors

@@ -304,11 +304,11 @@ Status Trainer::Impl::Loop() {
   run.waited = 0;
   reporter.Restart();
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
-    const Status made = TrainStep();
+    Status made = TrainStep();
+    if (made) made = AfterStep();
     // weights that are no numbers are not kept
     if (!made && made.error().code != Code::kInternal) return SaveAndEnd(made.error());
     ETUDE_RETURN_IF_ERROR(made);
-    ETUDE_RETURN_IF_ERROR(AfterStep());
     ETUDE_RETURN_IF_ERROR(WatchSource());
   }
   TellRanks();

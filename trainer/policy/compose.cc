@@ -31,6 +31,17 @@ OrderedJson* FindByName(OrderedJson& modules, const OrderedJson& entry) {
   return nullptr;
 }
 
+// What a graph does not say is the default, and an addition adds to that, too.
+void FillIn(OrderedJson& own, const OrderedJson& entry) {
+  static const OrderedJson defaults = ToJson(ModuleConfig{});
+  if (entry.contains("reads") && !own.contains("reads")) own["reads"] = defaults["reads"];
+  const auto has_inputs = [](const OrderedJson& module) {
+    return module.contains("decoder") && module["decoder"].is_object() && module["decoder"].contains("inputs");
+  };
+  if (has_inputs(entry) && own.contains("decoder") && own["decoder"].is_object() && !has_inputs(own))
+    own["decoder"]["inputs"] = defaults["decoder"]["inputs"];
+}
+
 }  // namespace
 
 OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
@@ -39,10 +50,12 @@ OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
   if (result.is_object() && rest.is_object() && rest.contains("modules") && rest["modules"].is_array() &&
       result.contains("modules") && result["modules"].is_array()) {
     for (const auto& entry : rest["modules"]) {
-      if (OrderedJson* own = FindByName(result["modules"], entry))
+      if (OrderedJson* own = FindByName(result["modules"], entry)) {
+        FillIn(*own, entry);
         Merge(*own, entry);
-      else
+      } else {
         result["modules"].push_back(entry);
+      }
     }
     rest.erase("modules");
   }

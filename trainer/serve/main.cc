@@ -107,7 +107,7 @@ Status Serve(const Arguments& arguments) {
     options.folder = std::filesystem::absolute(arguments.checkpoint).string();
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(RolesOf(arguments)));
-  ETUDE_ASSIGN_OR_RETURN(const auto robots, JoinRobotDomain(arguments.robots));
+  ETUDE_ASSIGN_OR_RETURN(const auto robots, JoinRobotDomain(arguments.robots, arguments.bus.profile));
   if (robots) options.robots = &*robots;
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));
   ETUDE_ASSIGN_OR_RETURN(const auto relay, StartRelay(participant, arguments, options.run));
@@ -205,14 +205,20 @@ struct Looking {
 
   void Add(CLI::App& app) {
     graph = app.add_subcommand("graph", "draw a policy's modules: who reads what, is supervised where, says what");
-    graph->add_option("policy", file, "a checkpoint, a policy's file, or a name: compact/obstacle")->required();
+    graph->add_option("policy", file, "a checkpoint or a run's folder, a policy's file, or a name: compact/obstacle")
+        ->required()
+        ->transform(CheckpointFile);
     graph->add_option("--svg", svg, "write a drawing to this file instead of text");
     difference = app.add_subcommand("diff", "which parts changed from one checkpoint to another, and by how much");
-    difference->add_option("first", first, "checkpoint file")->required();
-    difference->add_option("second", second, "checkpoint file")->required();
+    difference->add_option("first", first, "checkpoint file, or a run's folder")->required()->transform(CheckpointFile);
+    difference->add_option("second", second, "checkpoint file, or a run's folder")
+        ->required()
+        ->transform(CheckpointFile);
     difference->add_flag("--json", as_json, "as JSON");
     torchscript = app.add_subcommand("torchscript", "a checkpoint as a file that plain libtorch opens");
-    torchscript->add_option("checkpoint", file, "checkpoint file")->required();
+    torchscript->add_option("checkpoint", file, "checkpoint file, or a run's folder")
+        ->required()
+        ->transform(CheckpointFile);
     torchscript->add_option("out", out, "the file to write, .pt")->required();
     AddWatch(app);
   }
@@ -252,13 +258,17 @@ int main(int argc, char** argv) {
       "With --subscribe it takes over each new checkpoint of the run; one that does not fit is "
       "refused and the last "
       "good one serves on."};
-  app.add_option("--subscribe", arguments.subscribe, "run whose checkpoints to follow: NAME, NAME@ID, or its folder");
-  auto* checkpoint = app.add_option("--checkpoint", arguments.checkpoint, "one checkpoint file (.safetensors) instead");
+  auto* subscribe = app.add_option("--subscribe", arguments.subscribe,
+                                   "run whose checkpoints to follow: NAME, NAME@ID, or its folder");
+  auto* checkpoint = app.add_option("--checkpoint", arguments.checkpoint,
+                                    "one checkpoint file (.safetensors) instead, or a run's folder: its newest")
+                         ->transform(etude::CheckpointFile);
   app.add_flag("--any-camera", arguments.any_camera,
                "answer for pictures of another camera than it was trained with, too, which else are refused")
       ->needs(checkpoint);
   app.add_option("--run", arguments.run, "with --checkpoint: serve as NAME or NAME@ID (default: the checkpoint's run)");
   app.add_option("--channel", arguments.channel, "with --subscribe: latest or best")
+      ->needs(subscribe)
       ->check(CLI::IsMember({"latest", "best"}))
       ->capture_default_str();
   app.add_option("--clip", arguments.clip,

@@ -49,11 +49,12 @@ Status CheckRobotDomain(const RobotDomain& robots, const RunDomain& run) {
   return {};
 }
 
-Result<std::optional<bus::Participant>> JoinRobotDomain(const RobotDomain& robots) {
+Result<std::optional<bus::Participant>> JoinRobotDomain(const RobotDomain& robots, const std::string& profile) {
   if (!robots.domain) return std::optional<bus::Participant>();
-  ETUDE_ASSIGN_OR_RETURN(
-      auto participant,
-      bus::Participant::Open({*robots.domain, robots.profile, robots.security, {security::Role::kPolicy}}));
+  ETUDE_ASSIGN_OR_RETURN(auto participant, bus::Participant::Open({*robots.domain,
+                                                                   robots.profile.empty() ? profile : robots.profile,
+                                                                   robots.security,
+                                                                   {security::Role::kPolicy}}));
   Log().info("robots are answered in DDS domain {}", *robots.domain);
   return std::optional<bus::Participant>(std::move(participant));
 }

@@ -14,7 +14,7 @@ namespace etude::serve {
 
 struct RobotDomain {
   std::optional<std::uint32_t> domain;  ///< none: robots are where the run is
-  std::string profile;                  ///< as ParticipantConfig::profile
+  std::string profile;                  ///< as ParticipantConfig::profile; empty: the run's
   std::string security;                 ///< folder of the policy server's identity among robots; role policy
 };
 
@@ -31,7 +31,8 @@ struct RunDomain {
 /// kNotFound and others of ReadTextFile: an identity without its authority's certificate
 Status CheckRobotDomain(const RobotDomain& robots, const RunDomain& run);
 
-/// Joins it; nothing where robots have no domain of their own. @error as bus::Participant::Open
-Result<std::optional<bus::Participant>> JoinRobotDomain(const RobotDomain& robots);
+/// Joins it; nothing where robots have no domain of their own.
+/// @param profile  the run's   @error as bus::Participant::Open
+Result<std::optional<bus::Participant>> JoinRobotDomain(const RobotDomain& robots, const std::string& profile);
 
 }  // namespace etude::serve

@@ -486,5 +486,16 @@ TEST_F(SurgeryTest, LearningStartsWhereSomethingIsNew) {
   EXPECT_EQ(FirstLevelToLearn(base, *Do(base, {.fresh = {"joints"}})), 3);  // EE3D attends to them
 }
 
+// a run that was stopped in its second stage: before, all that it had not begun was copied as if it were learned
+TEST_F(SurgeryTest, WhatTheSourceHadNotBegunIsToBeLearned) {
+  const PolicyConfig base = policy::TinyConfig();
+  for (const char* module : {"EE3D", "TAR3D", "DISP", "CTRL"}) source_.metadata.modules.at(module) = {};
+  const auto surgery = Do(base);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->untrained, ElementsAre("CTRL", "DISP", "EE3D", "TAR3D"));
+  EXPECT_EQ(FirstLevelToLearn(base, *surgery), 3);
+  EXPECT_THAT(Do(base, {.freeze = {"CTRL"}}).error().message, HasSubstr("CTRL: frozen, and not trained yet"));
+}
+
 }  // namespace surgery_test
 }  // namespace etude::checkpoint

@@ -93,7 +93,16 @@ TEST(AwaitData, WaitsForAnEpisodeOfEachOfSeveralFolders) {
   ASSERT_FALSE(now);
   EXPECT_EQ(now.error().code, Code::kNotFound);
   EXPECT_THAT(now.error().message, HasSubstr("no episode of '" + (folder / "b").string() + "'"));
-  AddSyntheticEpisodes(folder / "b", spec, 7, 8);
+  const auto first_of = [&](const std::string& split) {
+    std::uint64_t index = 0;
+    while (SplitOf(spec, index) != split) ++index;
+    return index;
+  };
+  AddSyntheticEpisodes(folder / "b", spec, first_of("train"), first_of("train") + 1);
+  // what a module of the second folder alone is measured by: a validation set is never changed again
+  EXPECT_THAT(AwaitData(**dataset, TinyConfig(), follow).error().message,
+              HasSubstr("no validation episode of '" + (folder / "b").string() + "'"));
+  AddSyntheticEpisodes(folder / "b", spec, first_of("valid"), first_of("valid") + 1);
   EXPECT_TRUE(AwaitData(**dataset, TinyConfig(), {.follow = true}));
 }
 

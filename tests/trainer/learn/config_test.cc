@@ -11,6 +11,8 @@
 #include <stdexcept>
 
 #include "services/core/config_reference.h"
+#include "services/core/file.h"
+#include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
@@ -158,6 +160,15 @@ TEST(LoadTrainConfig, AddsModulesByName) {
   const auto twice = LoadTrainConfig("compact", kExperiments, {"policy=compact/obstacle", "add=[obstacle]"});
   ASSERT_FALSE(twice);
   EXPECT_THAT(twice.error().message, HasSubstr("has a module \"OBST2D\" already"));
+
+  // before, a module that was misspelt was a new one that said nothing
+  const TemporaryFolder folder;
+  ASSERT_THAT(WriteFileAtomically(folder / "more.yaml",
+                                  std::string_view("modules: [{name: CTRl, decoder: {inputs: ['position:EE3D']}}]\n")),
+              IsOk());
+  const auto misspelt = LoadTrainConfig("compact", kExperiments, {"add=[" + (folder / "more.yaml").string() + "]"});
+  ASSERT_FALSE(misspelt);
+  EXPECT_THAT(misspelt.error().message, HasSubstr("did you mean 'CTRL'"));
 }
 
 TEST(LoadTrainConfig, TakesTheGraphOfACheckpoint) {

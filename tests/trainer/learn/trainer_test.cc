@@ -183,6 +183,26 @@ TEST_F(TrainerTest, KeepsWhatItLearnedWhereTheDataCannotBeReadAnyMore) {
   EXPECT_THAT(status.error().message, HasSubstr(fmt::format("at step {} ", saved))) << "the last step is kept";
 }
 
+// the same where it is a validation that cannot read; before, up to 500 steps were lost
+TEST_F(TrainerTest, KeepsWhatItLearnedWhereTheValidationCannotBeReadAnyMore) {
+  const TrainConfig config =
+      TinyConfig({"steps=100000", "data.cache_mb=0", "eval.every_steps=3", "checkpoint.every_steps=2"});
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
+    const auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+    for (std::uint64_t i = 0; i < spec.episodes; ++i)
+      if (const Path file = store::EpisodePath(folder_ / "d", i);
+          std::filesystem::exists(file) && SplitOf(spec, i) == "valid")
+        std::filesystem::resize_file(file, 100);
+    return {};
+  };
+  const Status status = Train(config, folder_ / "run", false, hooks);
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("training stopped at step 3 and can be resumed"));
+  EXPECT_THAT(status.error().message, HasSubstr("validation pictures"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "run" / "training_state.safetensors"));
+}
+
 TEST_F(TrainerTest, RefusesToResumeAnotherArchitecture) {
   ASSERT_TRUE(Train(TinyConfig({"steps=2"}), folder_ / "run"));
 

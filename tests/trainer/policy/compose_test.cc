@@ -35,6 +35,20 @@ modules:
   EXPECT_EQ(Compose(base, more), wanted) << Compose(base, more).dump();
 }
 
+// a checkpoint's graph says nothing of what is the default: before, an addition took its place
+TEST(Compose, AddsToWhatIsLeftUnsaid) {
+  const auto base = Yaml("{modules: [{name: A, level: 1, decoder: {quantity: position}}, {name: B, level: 1}]}");
+  const auto more = Yaml(R"(
+modules:
+  - {name: A, reads: [B], decoder: {inputs: ["register:B"]}}
+  - {name: B, decoder: {quantity: position, inputs: ["register:A"]}}
+)");
+  const auto result = Compose(base, more);
+  EXPECT_EQ(result["modules"][0]["reads"], Yaml("[all, B]"));
+  EXPECT_EQ(result["modules"][0]["decoder"]["inputs"], Yaml("[register, 'register:B']"));
+  EXPECT_EQ(result["modules"][1]["decoder"]["inputs"], Yaml("['register:A']")) << "a decoder of the addition's own";
+}
+
 TEST(Compose, ReplacesWhatIsNoListOfInputs) {
   const auto base = Yaml("{width: 64, joint_hidden: [8, 8], image: {position: fourier, crop: [1, 2, 3, 4]}}");
   const auto result = Compose(base, Yaml("{joint_hidden: [16], image: {crop: []}}"));

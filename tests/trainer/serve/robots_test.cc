@@ -169,7 +169,7 @@ TEST(RobotDomain, IsCheckedBeforeItIsJoined) {
   EXPECT_THAT(CheckRobotDomain({.domain = 9, .security = again}, {.security = policy}),
               MessageHas("are of one authority"));
   EXPECT_THAT(CheckRobotDomain({.domain = 9, .security = "nowhere"}, {.security = policy}), MessageHas("nowhere"));
-  const auto other_role = JoinRobotDomain({.domain = 84, .security = theirs.Issue("arm", Role::kRobot)});
+  const auto other_role = JoinRobotDomain({.domain = 84, .security = theirs.Issue("arm", Role::kRobot)}, "");
   ASSERT_FALSE(other_role);
   EXPECT_NE(other_role.error().message.find("policy"), std::string::npos) << other_role.error().message;
 }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <limits>
 #include <set>
 #include <thread>
 
@@ -15,6 +16,7 @@
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
+#include "trainer/policy/parts.h"
 #include "trainer/publish/sink.h"
 
 namespace etude::serve {
@@ -181,6 +183,14 @@ TEST(PolicyServer, DrivesNothingWithWhatIsNotTrained) {
   ASSERT_TRUE(run.sink.Save(early));
   run.WaitForRefusals(refused + 1);
   EXPECT_EQ(run.AskAgain(1'000'000).checkpoint_step, 100u);
+  // nor does one whose answers are no numbers
+  auto broken = checkpoint::ExampleCheckpoint(config, 200);
+  for (auto& [name, tensor] : broken.tensors)
+    if (policy::PartOfTensor(name) == "CTRL")
+      tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
+  ASSERT_TRUE(run.sink.Save(broken));
+  run.WaitForRefusals(refused + 2);
+  EXPECT_EQ(run.AskAgain(2'000'000).checkpoint_step, 100u);
 }
 
 TEST(PolicyServer, AnswersManyClientsAsIfEachWereAlone) {
