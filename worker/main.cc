@@ -273,7 +273,9 @@ CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   render->add_option("--attempt", arguments.scene.attempt, "attempt at it")->capture_default_str();
   render->add_option("--seed", arguments.scene_spec.seed, "instead of the file's");
   AddOverrides(*render, arguments, "camera.width=640");
-  render->add_option("--out", arguments.picture, "picture, .png or .jpg")->capture_default_str();
+  render->add_option("--out", arguments.picture, "picture, .png or .jpg")
+      ->check(EndsWith({".png", ".jpg"}))
+      ->capture_default_str();
   render->add_flag("--segmentation", arguments.scene.segmentation, "also one with a colour for each body");
   render->add_flag("--depth", arguments.scene.depth, "also one of depth: 16 bits, mm");
   return render;

@@ -131,6 +131,29 @@ void CheckCamera(const CameraSpec& camera, Problems& problems) {
   problems.Require(three(camera.euler), "camera.euler: three numbers");
 }
 
+bool NamesSides(const CampaignSpec& spec) {
+  return std::ranges::any_of(spec.tasks, [](const std::string& name) {
+    const auto task = ParseTask(name);
+    return task && std::ranges::any_of(task->spec->stages, [](const StageSpec& stage) {
+             const auto* carry = std::get_if<CarrySpec>(&stage);
+             return carry && (carry->whereto() == Whereto::kLeft || carry->whereto() == Whereto::kRight ||
+                              carry->whereto() == Whereto::kFront || carry->whereto() == Whereto::kBehind);
+           });
+  });
+}
+
+// Left, right, front and behind are the world's (worker/task/predicates): as a camera at +y shows them. Through one
+// that looks from elsewhere every sentence would say another side than the picture, and success would agree with it.
+void CheckSides(const CampaignSpec& spec, Problems& problems) {
+  const auto& camera = spec.camera;
+  if (camera.position.size() != 3 || camera.euler.size() != 3 || !NamesSides(spec)) return;
+  const Eigen::Vector3d right = ToCamera(camera).X_WC.q * Eigen::Vector3d::UnitX();
+  problems.Require(
+      right.x() < -0.7,
+      "camera: tasks that say left, right, front or behind are as seen from +y, and this camera looks from "
+      "elsewhere (camera.position, camera.euler): it would show another side than the sentence says");
+}
+
 void CheckRandomization(const RandomizationSpec& randomization, Problems& problems) {
   problems.InRange("randomization.yaw", randomization.yaw, 0.0, 3.2);
   problems.InRange("randomization.start_position", randomization.start_position, 0.0, 0.3);
@@ -219,6 +242,7 @@ Status CampaignSpec::Validate() const {
                    fmt::format("max_attempts: {} not in 1..1000", max_attempts));
   problems.InRange("stall_timeout_s", stall_timeout_s, 1.0, 86'400.0);
   CheckCamera(camera, problems);
+  CheckSides(*this, problems);
   CheckRandomization(randomization, problems);
   CheckRandomWorld(*this, problems);
   world.Check(problems.errors());

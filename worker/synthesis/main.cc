@@ -15,6 +15,7 @@
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
+#include "services/core/config.h"
 #include "services/core/stop.h"
 #include "worker/synthesis/depth_network.h"
 #include "worker/synthesis/drawn_object.h"
@@ -133,9 +134,29 @@ void PrintObject(const ObjectFacts& facts) {
   std::fflush(stdout);
 }
 
+bool IsTaken(const Arguments& arguments, const std::string& name) {
+  std::error_code error;
+  return !arguments.overwrite && std::filesystem::exists(Path(arguments.out) / name / "object.yaml", error);
+}
+
+// What is there already is made again where it comes out the same: begun again, a command goes on.
+Maker KeepingOthers(const Maker& make, const Arguments& arguments) {
+  return [=]() -> Result<SolidObject> {
+    ETUDE_ASSIGN_OR_RETURN(SolidObject object, make());
+    const Path folder = Path(arguments.out) / object.facts.name;
+    if (!IsTaken(arguments, object.facts.name)) return object;
+    const auto there = ReadObjectFacts(folder);
+    if (there && ToJson(*there) == ToJson(object.facts)) return object;
+    return Fail(Code::kInvalidArgument,
+                fmt::format("synthesize '{}': '{}' is another object already; give another --out, or --overwrite to "
+                            "have it made anew",
+                            object.facts.name, folder.string()));
+  };
+}
+
 Status Synthesize(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto makers,
-                         arguments.images.empty() ? DrawnObjects(arguments) : PicturedObjects(arguments));
+  ETUDE_ASSIGN_OR_RETURN(auto makers, arguments.images.empty() ? DrawnObjects(arguments) : PicturedObjects(arguments));
+  for (Maker& maker : makers) maker = KeepingOthers(maker, arguments);
   Stopwatch elapsed;
   ETUDE_ASSIGN_OR_RETURN(const auto objects, MakeObjects(makers, arguments.out, arguments.threads, PrintObject));
   std::map<std::string, int> of_split;
@@ -162,8 +183,7 @@ Status Import(const Arguments& arguments) {
                               .up = UpOf(arguments)};
   ETUDE_ASSIGN_OR_RETURN(const SolidObject object, ImportObject(arguments.file, options));
   const Path folder = Path(arguments.out) / object.facts.name;
-  std::error_code error;
-  if (!arguments.overwrite && std::filesystem::exists(folder / "object.yaml", error))
+  if (IsTaken(arguments, object.facts.name))
     return Fail(Code::kInvalidArgument,
                 fmt::format("import '{}': '{}' is an object already; give another --name, or --overwrite to have it "
                             "made anew",
@@ -192,6 +212,10 @@ Status Gallery(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(WriteContactSheet(tiles, arguments.columns, arguments.sheet));
   fmt::print("{} objects in {}\n", tiles.size(), arguments.sheet);
   return {};
+}
+
+void AddOverwrite(CLI::App& command, Arguments& arguments) {
+  command.add_flag("--overwrite", arguments.overwrite, "in the place of an object of that name");
 }
 
 CLI::App* AddSynthesize(CLI::App& app, Arguments& arguments) {
@@ -225,6 +249,7 @@ CLI::App* AddSynthesize(CLI::App& app, Arguments& arguments) {
   command->add_option("--threads", arguments.threads, "the objects do not depend on how many")
       ->check(CLI::Range(1, 256));
   command->add_option("--out", arguments.out, "folder; each object gets one in it")->capture_default_str();
+  AddOverwrite(*command, arguments);
   return command;
 }
 
@@ -238,14 +263,16 @@ CLI::App* AddImport(CLI::App& app, Arguments& arguments) {
       ->check(CLI::IsMember({"auto", "y", "z"}))
       ->capture_default_str();
   command->add_option("--out", arguments.out, "folder; the object gets one in it")->capture_default_str();
-  command->add_flag("--overwrite", arguments.overwrite, "in the place of an object of that name");
+  AddOverwrite(*command, arguments);
   return command;
 }
 
 CLI::App* AddGallery(CLI::App& app, Arguments& arguments) {
   auto* command = app.add_subcommand("gallery", "a picture with a tile for each object of a folder");
   command->add_option("folder", arguments.folder, "what synthesize or import wrote")->required();
-  command->add_option("--out", arguments.sheet, "picture, .png or .jpg")->capture_default_str();
+  command->add_option("--out", arguments.sheet, "picture, .png or .jpg")
+      ->check(EndsWith({".png", ".jpg"}))
+      ->capture_default_str();
   command->add_option("--tile", arguments.tile, "width and height of each, px")
       ->check(CLI::Range(32, 2048))
       ->capture_default_str();

@@ -43,7 +43,7 @@ std::string ModelText(const ObjectFacts& facts) {
 
 }  // namespace
 
-Status WriteObject(const SolidObject& object, const Path& folder) {
+Status WriteObject(const SolidObject& object, const Path& folder, std::uint64_t largest) {
   // what is written over is whole no more until the end
   std::error_code error;
   std::filesystem::remove(folder / "object.yaml", error);
@@ -54,6 +54,11 @@ Status WriteObject(const SolidObject& object, const Path& folder) {
   for (int i = 0; i < object.facts.pieces; ++i)
     ETUDE_RETURN_IF_ERROR(WriteMesh(folder / PieceFile(i), object.pieces[i]));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder / (object.facts.name + ".xml"), ModelText(object.facts)));
+  if (const auto bytes = std::filesystem::file_size(folder / "visual.obj", error); error || bytes > largest)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("write object '{}': its mesh of {} faces takes {} MB, and scenes read {} at most: make it "
+                            "coarser",
+                            object.facts.name, object.facts.faces, bytes >> 20, largest >> 20));
   // last: a folder with object.yaml is whole
   return WriteFileAtomically(folder / "object.yaml", ToYaml(ToJson(object.facts)));
 }

@@ -10,11 +10,10 @@
 #include "services/core/thread_annotations.h"
 #include "services/spec/object_names.h"
 #include "worker/synthesis/drawn_object.h"
+#include "worker/synthesis/object_folder.h"
 
 namespace etude::synthesis {
 namespace {
-
-constexpr std::size_t kLargestFile = 1u << 26;
 
 /// Drawn objects, each made once a process.
 Result<assets::ObjectModel> Drawn(const std::string& name, const GeneratedName& generated) {
@@ -58,7 +57,7 @@ Result<assets::ObjectModel> Imported(const std::string& name) {
   model.materials = fmt::format("<material name=\"{0}\" texture=\"{0}\" specular=\"0.2\" shininess=\"0.2\"/>\n", stem);
   model.geoms = BodyElements(facts, {.stem = stem, .material = stem});
   const auto add = [&](const std::string& file, const std::string& as) -> Status {
-    ETUDE_ASSIGN_OR_RETURN(auto bytes, ReadBinaryFile(folder / file, kLargestFile));
+    ETUDE_ASSIGN_OR_RETURN(auto bytes, ReadBinaryFile(folder / file, kLargestObjectFile));
     if (bytes.empty()) return Fail(Code::kCorrupt, fmt::format("{} is empty", (folder / file).string()));
     model.files.push_back({as, std::move(bytes)});
     return {};

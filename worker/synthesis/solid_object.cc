@@ -70,6 +70,9 @@ Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std:
   double scale = facts.size_m / (high - low).maxCoeff();
   if (options.widest > 0) scale = std::min(scale, options.widest / (high - low).x());
   for (Vector3d& p : mesh.positions) p *= scale;
+  // one that is wound inwards would be seen from inside, and weigh less than nothing
+  if (IsWatertight(mesh) && Integrate(mesh).mass < 0)
+    for (auto& face : mesh.faces) std::swap(face[1], face[2]);
   std::optional<Hole> placed = hole;
   if (placed) placed->centre *= scale;
 

@@ -82,6 +82,12 @@ void Judge::ObserveObjects(const sim::World& world) {
     if (const auto it = now_.find(std::string(a)); it != now_.end()) it->second.contacts.push_back(b);
     if (const auto it = now_.find(std::string(b)); it != now_.end()) it->second.contacts.push_back(a);
   }
+  // two bodies that touch in several points touch once
+  for (auto& [name, object] : now_) {
+    std::ranges::sort(object.contacts);
+    const auto again = std::ranges::unique(object.contacts);
+    object.contacts.erase(again.begin(), again.end());
+  }
   const sim::ArmInfo& arm = world.scene().arm();
   for (auto& [name, object] : now_) {
     object.touched =

@@ -12,6 +12,7 @@
 #include "services/spec/object_names.h"
 #include "services/spec/task_roles.h"
 #include "worker/plan/planner.h"
+#include "worker/task/primitives/tuning.h"
 #include "worker/task/rollout.h"
 #include "worker/task/start_rule.h"
 
@@ -29,6 +30,7 @@ constexpr double kHandSpeed = 0.15;     // m/s
 constexpr double kBackOff = 0.10;       // m along the hand, out of what it was round
 constexpr int kOpenSteps = 40;          // control steps that the fingers get to open
 constexpr double kGapBelow = 0.002;     // m between a held object and the table when it is let go
+constexpr int kLooks = 16;              // along the way of what is nudged
 constexpr double kOutOfReach = 2.0;     // m that nothing is lifted by
 constexpr std::uint64_t kHomeSeed = 1;  // of the planner
 
@@ -81,6 +83,13 @@ PlaySession::~PlaySession() = default;
 Result<std::unique_ptr<PlaySession>> PlaySession::Open(const CampaignSpec& spec, std::uint64_t index,
                                                        const sim::RendererConfig& renderer) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
+  // sentences are obeyed as rollouts are, whatever the campaign is for
+  CampaignSpec driven = spec;
+  driven.mode = "rollout";
+  driven.rollout.run = "play";
+  driven.adaptive_sampling = {};
+  driven.recheck = 0;
+  ETUDE_RETURN_IF_ERROR(driven.Validate());
   for (const auto& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec, SceneNames(spec.objects)));
@@ -244,9 +253,13 @@ Status PlaySession::Nudge(const std::string& name, double dx, double dy) {
   const Pose from = world().ObjectPose(name);
   Pose to = from;
   to.p += Eigen::Vector3d(dx, dy, 0);
+  const auto on_the_way = [&](double share) { return Pose{from.p + share * (to.p - from.p), from.q}; };
   ETUDE_RETURN_IF_ERROR(CheckFree(*object, PlaceOf(name, to)));
-  for (const double share : {0.5, 1.0})
-    ETUDE_RETURN_IF_ERROR(CheckArm(name, {from.p + share * (to.p - from.p), from.q}));
+  // it would take along what stands between; out of what it leans on it may go
+  const bool stands_free = CheckFree(*object, PlaceOf(name, from)).has_value();
+  for (int i = 1; i < kLooks && stands_free; ++i)
+    ETUDE_RETURN_IF_ERROR(CheckFree(*object, PlaceOf(name, on_the_way(static_cast<double>(i) / kLooks))));
+  for (const double share : {0.5, 1.0}) ETUDE_RETURN_IF_ERROR(CheckArm(name, on_the_way(share)));
   return Move({.object = name, .from = from, .to = to, .step = 0, .steps = kNudgeSteps});
 }
 
@@ -362,6 +375,7 @@ bool PlaySession::GoHome(const Hook& hook) {
   request.q_start = world().q();
   request.q_goal = home_;
   request.X_WE_goal = environment_->planner.kinematics().X_WE(home_);
+  request.limits.joint = kStages.planned_speed * environment_->scene->arm().planned_speed.minCoeff();
   const plan::Outcome outcome = planner.Plan(request, checker, kHomeSeed);
   if (!outcome.planned()) return true;
   std::vector<Waypoint> targets;
@@ -417,7 +431,7 @@ Status PlaySession::Check(const Sentence& sentence) const {
 Result<Verdict> PlaySession::Say(const Sentence& sentence, const policy::AskFunction& ask, const Hook& hook) {
   ETUDE_ASSIGN_OR_RETURN(const EpisodePlan plan, PlanOf(sentence));
   steps_ = 0;
-  max_steps_ = sentence.max_steps > 0 ? sentence.max_steps : spec_.rollout.max_steps;
+  max_steps_ = sentence.max_steps > 0 ? sentence.max_steps : StepLimitOf(spec_.rollout, plan_.scene.robot);
   judged_ = OrderedJson::object();
   answer_ = {};
   if (sentence.home && !IsHome()) {

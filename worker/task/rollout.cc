@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "services/spec/object_names.h"
 #include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
 #include "worker/sim/saturated.h"
@@ -231,6 +232,8 @@ std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const
   if (entity == "obstacle") name = kObstacleObject;
   for (const auto& object : world.scene().objects())
     if (object.name == name) return world.ObjectPose(name).p;
+  for (const auto& object : world.scene().objects())  // of a class: "mug" is mug_01
+    if (!name.empty() && ObjectNoun(object.name) == name) return world.ObjectPose(object.name).p;
   return std::nullopt;
 }
 

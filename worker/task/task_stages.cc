@@ -25,6 +25,10 @@ void Connect(std::vector<Stage>& stages) {
     stage.blends = stage.blends && i + 1 < stages.size() && stages[i + 1].moves();
     const bool only_waits = !stage.moves() && stage.effect == Stage::Effect::kNone;
     if (only_waits && i > 0) stage.closed = stages[i - 1].closed;
+    // who goes back to align again goes to what moves, not to a wait before it
+    const auto at = static_cast<int>(i);
+    while (stage.back_to > 0 && stage.back_to < at && !stages[i - static_cast<std::size_t>(stage.back_to)].moves())
+      ++stage.back_to;
   }
 }
 

@@ -124,6 +124,17 @@ TEST(CampaignSpec, RefusesRobotsTasksAndObjectsThatAreNotKnownOrDoNotFit) {
        {"objects=[my/duck, your/duck]", "objects: each name at most once"}});
 }
 
+// before, all that such a campaign made said one side and showed the other, and its judge agreed
+TEST(CampaignSpec, SidesAreAsTheCameraShowsThem) {
+  const std::vector<std::string> behind{"camera.position=[0, -1.5, 1]", "camera.euler=[1, 0, 0]"};
+  std::vector<std::string> sides = behind, none = behind;
+  sides.emplace_back("tasks=[pick, place_left]");
+  none.emplace_back("tasks=[pick, push]");
+  EXPECT_THAT(Validated(sides), MessageHas("as seen from +y"));
+  EXPECT_THAT(Validated(none), IsOk());
+  EXPECT_THAT(Validated({"tasks=[pick, place_left, place_behind]"}), IsOk());
+}
+
 TEST(CampaignSpec, ARolloutsKeysAreLookedAtInRolloutsOnly) {
   for (const auto& [override_text, says] :
        Refusals{{"rollout.run=''", "rollout.run: '' must be a run's name"},

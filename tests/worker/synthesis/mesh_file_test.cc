@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <utility>
+
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 #include "worker/synthesis/drawn_object.h"
@@ -179,6 +181,20 @@ TEST(ImportObject, ScalesCentresAndWeighs) {
   EXPECT_NEAR(object->facts.rest_height_m, 0.03, 1e-6);
   EXPECT_FALSE(object->texture.rgb.empty());
   EXPECT_THAT(ImportObject(folder.path() / "t.stl", {.name = "../x"}), HasCode(Code::kInvalidArgument));
+}
+
+// as a mirrored part or a scan may be wound: seen from inside, and with the mass of its hull
+TEST(ImportObject, TurnsRoundWhatIsWoundInwards) {
+  const TemporaryFolder folder;
+  std::string inwards = kTetrahedronPly;
+  for (const auto& [face, turned] :
+       {std::pair{"3 0 2 1", "3 0 1 2"}, {"3 0 1 3", "3 0 3 1"}, {"3 0 3 2", "3 0 2 3"}, {"3 1 2 3", "3 1 3 2"}})
+    inwards.replace(inwards.find(face, inwards.find("0 0 1\n3")), 7, turned);
+  ASSERT_THAT(WriteFileAtomically(folder.path() / "t.ply", inwards), IsOk());
+  const auto object = ImportObject(folder.path() / "t.ply", {.name = "wedge", .size_m = 0.06, .density = 1000});
+  ASSERT_THAT(object, IsOk());
+  EXPECT_GT(Integrate(object->visual).mass, 0);
+  EXPECT_NEAR(object->facts.mass_kg, 1000 * 0.06 * 0.06 * 0.06 / 6, 1e-4);
 }
 
 TEST(PictureFile, ReadsWhatItWrites) {

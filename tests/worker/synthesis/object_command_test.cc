@@ -88,6 +88,22 @@ TEST_F(ObjectCommand, AnotherSeedGivesAnotherObject) {
   EXPECT_NE(Bytes("1/pear_00/visual.obj"), Bytes("2/pear_00/visual.obj"));
 }
 
+// before, an object that somebody had made, or changed, was made anew without a word
+TEST_F(ObjectCommand, ASynthesisKeepsWhatIsAnotherObject) {
+  std::vector<std::string> pear{"synthesize", "--classes", "pear", "--per-class", "1", "--out", In("o"), "--seed", "1"};
+  ASSERT_EQ(Object(pear).exit_code, kExitOk);
+  EXPECT_EQ(Object(pear).exit_code, kExitOk) << "the same again";
+  const auto first = Bytes("o/pear_00/visual.obj");
+  pear.back() = "2";
+  const CommandOutcome taken = Object(pear);
+  EXPECT_EQ(taken.exit_code, kExitUsage);
+  EXPECT_THAT(taken.text, HasSubstr("is another object already"));
+  EXPECT_EQ(Bytes("o/pear_00/visual.obj"), first);
+  pear.emplace_back("--overwrite");
+  EXPECT_EQ(Object(pear).exit_code, kExitOk);
+  EXPECT_NE(Bytes("o/pear_00/visual.obj"), first);
+}
+
 TEST_F(ObjectCommand, MakesObjectsOfPicturesWithDepth) {
   WriteBall("ball");
   const CommandOutcome outcome = Object({"synthesize", "--images", In("pictures"), "--size", "0.05", "--relief", "0.42",
@@ -148,6 +164,9 @@ TEST_F(ObjectCommand, WrongUsageIsExitCode2) {
   EXPECT_EQ(Object({"synthesize", "--per-class", "0"}).exit_code, kExitUsage);
   EXPECT_EQ(Object({"synthesize", "--relief", "0.3"}).exit_code, kExitUsage) << "needs --images";
   EXPECT_EQ(Object({"gallery", In("objects"), "--tile", "1"}).exit_code, kExitUsage);
+  const CommandOutcome gif = Object({"gallery", In("objects"), "--out", In("sheet.gif")});
+  EXPECT_EQ(gif.exit_code, kExitUsage);
+  EXPECT_THAT(gif.text, HasSubstr("must end with .png or .jpg")) << "before, a PNG of that name";
 }
 
 TEST_F(ObjectCommand, SaysWhatIsWrong) {

@@ -206,6 +206,16 @@ TEST(MakeObjects, ReportsTheFirstFailure) {
   EXPECT_THAT(objects, MessageHas("did you mean 'apple'"));
 }
 
+// before, every scene with it refused to read what the import had written
+TEST(WriteObject, RefusesWhatNoSceneWouldRead) {
+  const TemporaryFolder folder;
+  const auto object = DrawObject("apple", 0, 1);
+  ASSERT_THAT(object, IsOk());
+  EXPECT_THAT(WriteObject(*object, folder / "a", 100), MessageHas("make it coarser"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "a/object.yaml"));
+  EXPECT_THAT(WriteObject(*object, folder / "a"), IsOk());
+}
+
 TEST(PlaceObject, RefusesWhatHasNoVolume) {
   assets::Mesh flat;
   flat.AddPolygon({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}}, {{0, 0}, {1, 0}, {1, 1}});

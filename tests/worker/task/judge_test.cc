@@ -101,6 +101,8 @@ TEST_F(JudgeTest, ContactWithWhatIsToBeAvoidedIsAViolationAndEndsNothing) {
   const Violation& first = judge.violations().front();
   EXPECT_EQ(first.kind, Violation::Kind::kContact);
   EXPECT_EQ(first.what, "coke-milk");
+  for (std::size_t i = 1; i < judge.violations().size(); ++i)
+    EXPECT_GT(judge.violations()[i].step, judge.violations()[i - 1].step) << "one entry, however many points touch";
   EXPECT_TRUE(judge.success_latched());
   EXPECT_FALSE(judge.success());
   EXPECT_THAT(judge.disturbed(), testing::ElementsAre("milk"));

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/support/matchers.h"
 #include "tests/worker/task/playback.h"
 #include "tests/worker/task/rollout_spec.h"
 #include "worker/task/attempt.h"
@@ -269,6 +270,22 @@ TEST(PlaySession, NudgesAtRestAndRefusesWhatCannotBe) {
   EXPECT_EQ(session->Nudge("coke", 1, 0).error().code, Code::kInvalidArgument);
   EXPECT_EQ(session->Nudge("cok", 0.01, 0).error().code, Code::kInvalidArgument);
   EXPECT_EQ(session->Nudge("coke", NAN, 0).error().code, Code::kInvalidArgument);
+}
+
+// before, both ends were free, and what stood between was taken along as the robot's doing
+TEST(PlaySession, NudgesNothingThroughWhatStandsInTheWay) {
+  auto session = Open(SpecOf(kTask));
+  ASSERT_TRUE(session->SetScene(0, {{"coke", -0.5, 0.6, 0}, {"cube", -0.42, 0.6, 0}}));
+  const Eigen::Vector3d cube = Place(*session, "cube");
+  EXPECT_FALSE(session->Nudge("coke", 0.15, 0));
+  EXPECT_LT((Place(*session, "cube") - cube).norm(), 1e-4);
+  EXPECT_TRUE(session->Nudge("coke", -0.05, 0));
+}
+
+TEST(PlaySession, RefusesRolloutsThatNoEvaluationWouldMake) {
+  CampaignSpec spec = SpecOf(kTask);
+  spec.rollout.execution = "author";
+  EXPECT_THAT(PlaySession::Open(spec, 0), MessageHas("authors"));
 }
 
 TEST(PlaySession, HidesAndShowsAndResets) {

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <memory>
 #include <numbers>
 #include <set>
 
@@ -40,6 +41,17 @@ TEST(StagesOf, EndWithAWaitAndGripAsTheyShould) {
     for (const auto& stage : stages)
       EXPECT_TRUE(!stage.holds || (stage.closed && stage.touches_target)) << name << stage.name;
   }
+}
+
+// before, a hand that was pushed aside reached from where the push had left it
+TEST(StagesOf, GoBackToAlignAgainAcrossAWait) {
+  const Fixture f;
+  TaskName task = *ParseTask("pick");
+  EXPECT_EQ(StagesOf(task, *f.shapes).at(1).back_to, 1) << "approach, reach";
+  auto waits = std::make_shared<TaskSpec>(*task.spec);
+  waits->stages.insert(waits->stages.begin() + 1, HoldSpec{});
+  task.spec = waits;
+  EXPECT_EQ(StagesOf(task, *f.shapes).at(2).back_to, 2) << "approach, hold, reach";
 }
 
 TEST(StagesOf, KeepTheClearanceThatIsWishedOfWhatIsAvoidedAlone) {
