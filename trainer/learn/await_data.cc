@@ -28,6 +28,12 @@ std::size_t Planned(const data::Dataset& dataset, const char* split) {
   return count;
 }
 
+// Training episodes to begin with, of a dataset or of one folder's spec.
+template <class Plan>
+std::size_t Wanted(const TrainConfig& config, const Plan& plan) {
+  return std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(plan, "train"));
+}
+
 // what training needs, and what is there of it
 struct Need {
   std::size_t train = 1, valid = 1;
@@ -44,11 +50,10 @@ struct Need {
     for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder) {
       const auto& spec = dataset.spec(folder);
       const bool validates = follow && Planned(spec, "valid") > 0;
-      const auto train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(spec, "train"));
-      need.folders.push_back({dataset.path(folder).string(), validates ? 2 * train : 0});
+      need.folders.push_back({dataset.path(folder).string(), validates ? 2 * Wanted(config, spec) : 0});
     }
     if (!follow) return need;
-    need.train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(dataset, "train"));
+    need.train = Wanted(config, dataset);
     need.valid = std::min(static_cast<std::size_t>(config.data.min_valid), Planned(dataset, "valid"));
     // of few episodes not every task need be in the training split
     const auto& all = dataset.tasks();
