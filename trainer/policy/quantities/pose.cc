@@ -42,9 +42,9 @@ class Pose final : public Quantity {
 
   std::vector<Metric> Measure(const Head& head, const ModuleOutput& output, const Target& target) const override {
     const Tensor& said = output.decoded.at("pose");
-    const Tensor rotation = said.narrow(-1, 3, 6).expand_as(target.value.narrow(-1, 3, 6));
+    const Tensor degrees = AngleDegrees(said.narrow(-1, 3, 6), head.rotation, target.value.narrow(-1, 3, 6));
     return {{"cm", Distance(said, target.value, 3), target.valid, 100, Metric::Role::kError},
-            {"deg", AngleDegrees(rotation, head.rotation, target.value.narrow(-1, 3, 6)), target.valid}};
+            {"deg", degrees, target.valid}};
   }
 
   void Say(const Head& head, const ModuleOutput& output, OrderedJson& words) const override {
