@@ -249,6 +249,30 @@ test('arrow keys go to the nearest point that way', async () => {
   assert.equal(beside(x, y, 1, [1, 0]), 2);
 });
 
+test('labels of an axis tell its ticks apart and say what they are', async () => {
+  const { axisLabels } = await load('format.ts');
+  assert.deepEqual(axisLabels([1.25e6, 1.5e6, 1.75e6]), ['1.25M', '1.5M', '1.75M']);
+  assert.deepEqual(axisLabels([12050, 12100, 12150]), ['12.05k', '12.1k', '12.15k']);
+  assert.deepEqual(axisLabels([0, 4525, 9050]), ['0', '4525', '9050']);
+  assert.deepEqual(axisLabels([0.9985, 0.999, 0.9995, 1]), ['0.9985', '0.999', '0.9995', '1']);
+  assert.deepEqual(axisLabels([-5, -2.5, 0, 2.5]), ['-5', '-2.5', '0', '2.5']);
+  assert.deepEqual(axisLabels([0, 0.00025, 0.0005, 0.00075]), ['0', '2.5e-4', '5e-4', '7.5e-4']);
+  assert.deepEqual(axisLabels([0.30000000000000004, 0.4, 0.5]), ['0.3', '0.4', '0.5']);
+  assert.deepEqual([axisLabels([]), axisLabels([7])], [[], ['7']]);
+  const units = { M: 1e6, k: 1e3 };
+  for (const step of [1, 2, 2.5, 5]) {
+    for (let power = -7; power < 9; power++) {
+      for (const first of [0, 3, 97]) {
+        const ticks = [0, 1, 2, 3].map((i) => (first + i) * step * 10 ** power);
+        axisLabels(ticks).forEach((label, i) => {
+          const value = parseFloat(label) * (units[label.at(-1)] ?? 1);
+          assert.ok(Math.abs(value - ticks[i]) < 1e-6 * step * 10 ** power, `${label} for ${ticks[i]}`);
+        });
+      }
+    }
+  }
+});
+
 test('commands name the absolute folder, quoted where it has to be', async () => {
   const { folderIn } = await load('commands.ts');
   assert.equal(folderIn({ folder: 'out/dataset', path: '/home/a/out/dataset' }, 'DATASET'), '/home/a/out/dataset');

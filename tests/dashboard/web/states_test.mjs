@@ -401,6 +401,39 @@ test('Fleet: keys are of the table with the focus, folding is in the address, ro
   });
 });
 
+test('Fleet: who opened a host finds it open whatever the filter leaves', async () => {
+  const worker = { worker: 'lab-a-w0', campaign: 'c', phase: 'idle', index: null, attempt: 0, episodes: 1, failures: 0, per_min: 1, task: null, robot: null, target: null, stage: null, step: null, last: null, strip: '', age_ms: 0 };
+  const fleet = (workers) => ({ ...fleetOf(['lab-a'], { workers }), hosts: [{ ...host('lab-a'), slots: 1, workers: [worker] }] });
+  await open('/fleet', { '/fleet': fleet(300) }, async (page, push) => {
+    const rows = () => page.locator('[aria-label="Hosts and workers"] [role=row][data-id]').evaluateAll((all) => all.map((one) => one.dataset.id));
+    await page.waitForSelector('[role=row][data-id=lab-a]');
+    assert.deepEqual(await rows(), ['lab-a'], 'folded where there are many');
+    await page.getByRole('button', { name: 'lab-a' }).click();
+    await page.waitForURL('**open=lab-a');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-a-w0']);
+    await push('fleet', { ...fleet(100), per_min: 7 });
+    await page.waitForSelector('[data-fleet-summary]:has-text("7 a minute")');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-a-w0']);
+    await page.getByRole('button', { name: 'lab-a' }).click();
+    await page.waitForURL('**fold=lab-a');
+    assert.equal(new URL(page.url()).searchParams.get('open'), null);
+    assert.deepEqual(await rows(), ['lab-a']);
+  });
+});
+
+test('Training: a goal that is a share of what may be wrong stands at the accuracy', async () => {
+  const key = { ...loss, key: 'valid/LANG.accuracy', kind: 'valid', name: 'LANG.accuracy', module: 'LANG', unit: 'share' };
+  const values = [0.9, 0.97, 1];
+  const curveOf = tensors(Object.fromEntries(['x', 'step', 'min', 'max', 'last'].map((name) => [`${key.key}/${name}`, name === 'x' || name === 'step' ? [50, 100, 150] : values])));
+  const goal = { module: 'LANG', goal: 0.01, value: 0, unit: '-', reached: true, key: key.key };
+  const answers = { '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { keys: [key], modules: ['LANG'], goals: [goal] }), '/runs/a/series': curveOf };
+  await open('/training?run=a', answers, async (page) => {
+    const chart = page.locator('[data-chart^="LANG"]');
+    await chart.locator('canvas').waitFor();
+    assert.equal(await chart.getAttribute('data-goal'), '0.99');
+  });
+});
+
 test('Training: runs that are overlaid have a shape each, and a chart zooms by keyboard', async () => {
   const answers = { '/home': await homeOf(['a', 'b'].map((id) => source('run', id))) };
   for (const id of ['a', 'b']) Object.assign(answers, answersOf(id, { keys: [loss] }), { [`/runs/${id}/series`]: curve([50, 100, 150, 200], [1, 0.8, 0.6, id === 'a' ? 0.5 : 0.4]) });
@@ -439,15 +472,59 @@ test('of runs that are compared the other pages show the first', async () => {
   });
 });
 
-test('Dataset: a place is gone to by arrow keys, and the command names the absolute folder', async () => {
-  const columns = Object.fromEntries(['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'].map((name) => [name, [name === 'index' ? 7 : null]]));
-  const answers = {
+const episodeColumns = ['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'];
+
+/** All that is asked of a dataset "a", of which `summary` says something else. */
+async function answersOfDataset(summary = {}) {
+  const columns = Object.fromEntries(episodeColumns.map((name) => [name, [name === 'index' ? 7 : null]]));
+  return {
     '/home': await homeOf([source('dataset', 'a')]),
     '/datasets/a': { id: 'a', name: 'a', folder: 'out/a', path: '/home/lab/out/a', role: 'demonstrations', eval: null, state: 'finished', updated: null, age_ms: null, identity: null, schema_version: 1, content: 1, spec: {}, spec_sha256: '', statistics: {},
       episodes: 3, total: 3, failed_attempts: {}, unreadable: 0, unreadable_files: [], journal: true, keys: [], cameras: [], bytes: 1 },
     '/datasets/a/episodes': { total: 1, all: 1, known: 1, next: null, columns },
-    '/datasets/a/summary': { total: 3, tasks: {}, targets: {}, robots: {}, outcomes: {}, splits: {}, workers: {}, words: [], matrix: [], odd: [], lengths: { edges_steps: [0, 1], counts: [3] }, places: { x_m: [0, -0.1, 0.1], y_m: [0.3, 0.3, 0.3], task: ['pick', 'pick', 'push'], index: [4, 5, 6] } },
+    '/datasets/a/summary': { total: 3, tasks: {}, targets: {}, robots: {}, outcomes: {}, splits: {}, workers: {}, words: [], matrix: [], odd: [], lengths: { edges_steps: [0, 1], counts: [3] }, places: { x_m: [0, -0.1, 0.1], y_m: [0.3, 0.3, 0.3], task: ['pick', 'pick', 'push'], index: [4, 5, 6] }, ...summary },
   };
+}
+
+test('Dataset: while it is collected, a cell is held against the others and not against the whole dataset', async () => {
+  const cell = (task, count) => ({ task, target: 'coke', count, expected: 100 });
+  const answers = await answersOfDataset({ matrix: [cell('pick', 10), cell('push', 11), cell('put_down', 9)] });
+  await open('/dataset?dataset=a', answers, async (page) => {
+    const table = page.locator('[data-task-target]');
+    await table.waitFor();
+    assert.deepEqual(await table.locator('tbody td span').allInnerTexts(), ['10', '11', '9']);
+    assert.equal(await table.locator('.warn').count(), 0);
+    assert.equal(await table.locator('td[title]').first().getAttribute('title'), 'expected 10 of these');
+  }, { allow: /404 \(Not Found/ });
+  const uneven = await answersOfDataset({ matrix: [cell('pick', 40), cell('push', 5), cell('put_down', 45)] });
+  await open('/dataset?dataset=a', uneven, async (page) => {
+    await page.waitForSelector('[data-task-target]');
+    assert.deepEqual(await page.locator('[data-task-target] .warn').allInnerTexts(), ['5']);
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('Inside: a dataset without an episode says so, and the first one that comes is asked about', async () => {
+  const columns = (index) => Object.fromEntries(episodeColumns.map((name) => [name, index]));
+  let there = [];
+  const graph = { run: 'r', modules: [], nodes: [], edges: [], levels: [], encoders: [] };
+  const answers = {
+    '/home': await homeOf([source('run', 'r'), source('dataset', 'a')]), ...answersOf('r'), '/runs/r/graph': graph,
+    '/datasets/a/episodes': () => ({ total: there.length, all: there.length, known: there.length, next: null, columns: columns(there) }),
+  };
+  await open('/inside?run=r&dataset=a', answers, async (page) => {
+    await page.waitForSelector('main :text("no episode yet")');
+    there = [7];
+    const asked = page.waitForRequest('**/datasets/a/episodes/7');
+    await asked;
+  }, { allow: /404 \(Not Found/ });
+  const gone = { ...answers, '/datasets/a/episodes': { status: 404, contentType: 'application/problem+json', body: JSON.stringify({ title: 'Not Found', status: 404, detail: 'there is no dataset a' }) } };
+  await open('/inside?run=r&dataset=a', gone, async (page) => {
+    await page.waitForSelector('main :text("there is no dataset a")');
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('Dataset: a place is gone to by arrow keys, and the command names the absolute folder', async () => {
+  const answers = await answersOfDataset();
   await open('/dataset?dataset=a', answers, async (page) => {
     assert.equal(await page.locator('.command code').first().innerText(), 'etude dataset info /home/lab/out/a');
     const places = page.locator('.places');

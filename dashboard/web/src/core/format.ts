@@ -18,6 +18,24 @@ export function number(value: Maybe<number>, digits = 3): string {
   return value.toPrecision(digits).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '');
 }
 
+/** Places behind the point that a multiple of `step` needs. */
+function placesOf(step: number): number {
+  let places = 0;
+  while (places < 9 && Math.abs(step * 10 ** places - Math.round(step * 10 ** places)) > 1e-6 * 10 ** places * step) places++;
+  return places;
+}
+
+/** Labels of ticks that are evenly apart, in one unit and with what tells one from the next: 1.25M, 1.5M, 1.75M. */
+export function axisLabels(ticks: readonly number[]): string[] {
+  const largest = Math.max(...ticks.map(Math.abs));
+  const gap = Math.min(...ticks.slice(1).map((value, i) => Math.abs(value - ticks[i]!)).filter((value) => value > 0));
+  if (!finite(largest) || largest === 0 || !finite(gap)) return ticks.map((value) => number(value));
+  const power = largest < 0.001 ? Math.floor(Math.log10(largest)) : 0;
+  const [unit, suffix] = largest >= 1e6 ? [1e6, 'M'] : largest >= 1e4 ? [1e3, 'k'] : power ? [10 ** power, `e${power}`] : [1, ''];
+  const places = placesOf(gap / unit);
+  return ticks.map((value) => (Math.abs(value) < gap / 2 ? '0' : `${+(value / unit).toFixed(places)}${suffix}`));
+}
+
 /** With so many places, as the programs round: a tie goes to the even digit. */
 export function rounded(value: number, places: number): string {
   const scaled = value * 10 ** places;

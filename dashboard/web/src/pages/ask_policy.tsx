@@ -2,7 +2,7 @@
 // The policy that serves a run, asked about a recorded picture: what each module says and looks at, and what would
 // follow from another sentence, a hidden part, or a module that says something else or thinks of another sentence.
 // Nothing of it reaches a robot. All of the question stands in the address.
-import { useEffect, useMemo } from 'preact/hooks';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { patiently, postJson, query, useResource } from '../core/api';
 import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
@@ -30,11 +30,17 @@ interface Asked extends Shown { run: string; kept: Eval[]; heard: ReadonlySet<st
 export function AskPolicy(props: Asked) {
   const dataset = useChosen('dataset');
   const [index] = parameter('episode');
-  const newest = useResource<Episodes>(dataset && !index ? `/datasets/${dataset}/episodes${query({ limit: 1 })}` : null);
-  const n = index || (newest.data?.columns.index[0] ?? '');
+  // the newest once there is one: later ones do not take its place while one looks
+  const first = useRef({ dataset, n: '' as string | number });
+  if (first.current.dataset !== dataset) first.current = { dataset, n: '' };
+  const newest = useResource<Episodes>(dataset && !index && first.current.n === '' ? `/datasets/${dataset}/episodes${query({ limit: 1 })}` : null, { every: 5000 });
+  if (first.current.n === '') first.current.n = newest.data?.columns.index[0] ?? '';
+  const n = index || first.current.n;
   const episode = useResource<Episode>(dataset && n !== '' ? `/datasets/${dataset}/episodes/${n}` : null);
   if (!dataset) return <Panel title="Ask the policy"><Empty title="No dataset here whose pictures could be shown to it" /></Panel>;
-  if (episode.error && !episode.data) return <Panel title="Ask the policy"><Failed problem={episode.error} /></Panel>;
+  const problem = episode.error ?? (n === '' ? newest.error : undefined);
+  if (problem && !episode.data) return <Panel title="Ask the policy"><Failed problem={problem} retry={() => { newest.reload(); episode.reload(); }} /></Panel>;
+  if (newest.data && n === '') return <Panel title="Ask the policy"><Empty title="The dataset has no episode yet whose pictures could be shown to it" /></Panel>;
   return episode.data ? <Bench key={episode.data.index} {...props} episode={episode.data} /> : <Skeleton height={320} />;
 }
 

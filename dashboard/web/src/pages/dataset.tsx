@@ -180,6 +180,9 @@ function Distributions(props: { of: Summary; dataset: Dataset }) {
   if (!of.total) return null;
   const tasks = [...new Set(of.matrix.map((one) => one.task))];
   const targets = [...new Set(of.matrix.map((one) => one.target))];
+  // expected of the whole dataset; so many of it are there
+  const total = (values: (number | null | undefined)[]) => values.reduce<number>((sum, value) => sum + (value ?? 0), 0);
+  const there = total(of.matrix.map((one) => one.count)) / (total(of.matrix.map((one) => one.expected)) || 1);
   return (
     <>
       <Panel title="Places of the targets at the start" aside={<span class="small muted">metres</span>}><Places of={of.places} dataset={props.dataset.id} /></Panel>
@@ -189,8 +192,9 @@ function Distributions(props: { of: Summary; dataset: Dataset }) {
             <thead><tr><th>target</th>{tasks.map((task) => <th class="num">{task}</th>)}</tr></thead>
             <tbody>{targets.map((target) => <tr><td>{target}</td>{tasks.map((task) => {
               const cell = of.matrix.find((one) => one.task === task && one.target === target);
-              const off = cell?.expected ? (cell.count - cell.expected) / Math.sqrt(cell.expected) : 0;
-              return <td class="num" title={cell?.expected ? `expected ${number(cell.expected)}` : ''}>{cell ? <span class={Math.abs(off) > 3 ? 'warn' : ''}>{count(cell.count)}</span> : <span class="muted">·</span>}</td>;
+              const expected = (cell?.expected ?? 0) * there;
+              const off = cell && expected ? (cell.count - expected) / Math.sqrt(expected) : 0;
+              return <td class="num" title={expected ? `expected ${number(expected)} of these` : ''}>{cell ? <span class={Math.abs(off) > 3 ? 'warn' : ''}>{count(cell.count)}</span> : <span class="muted">·</span>}</td>;
             })}</tr>)}</tbody>
           </table>
         </div>

@@ -48,9 +48,10 @@ export function Fleet() {
     before.current = data;
     at.current = Date.now();
   }
-  // hosts that are not as they are by themselves: open, or folded where there are many workers
-  const [fold, setFold] = parameter('fold');
-  const turned = new Set(fold.split(',').filter(Boolean));
+  // hosts that somebody folded or opened; others are folded where there are many workers
+  const [fold] = parameter('fold');
+  const [open] = parameter('open');
+  const [folded, opened] = [fold, open].map((text) => new Set(text.split(',').filter(Boolean))) as [Set<string>, Set<string>];
   const frozen = useFrozen(data, sort, first.pending ? undefined : first.data);
   return (
     <Loaded of={{ ...first, data }}>
@@ -61,15 +62,21 @@ export function Fleet() {
         const hosts = [...fleet.hosts].sort((a, b) => place(frozen.order, a.host) - place(frozen.order, b.host));
         const moving = hosts.filter((one, i) => one !== fleet.hosts[i]).length;
         const many = fleet.workers > 200;
+        const isFolded = (name: string) => folded.has(name) || (many && !opened.has(name));
         const cut = fleet.hosts.filter((one) => one.workers.length < one.slots);
-        const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(many !== turned.has(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
-        const toggle = (name: string) => setFold([...turned].filter((one) => one !== name).concat(turned.has(name) ? [] : name).join(',') || null, true);
+        const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(isFolded(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
+        const toggle = (name: string) => {
+          const [from, to] = isFolded(name) ? [folded, opened] : [opened, folded];
+          from.delete(name);
+          to.add(name);
+          setParameters({ fold: [...folded].join(',') || null, open: [...opened].join(',') || null }, true);
+        };
         return (
           <>
             <Head of={fleet} filter={filter} />
             <section class="panel flush" aria-label="Hosts and workers" {...frozen.on}>
               <Table label="Hosts and workers" rows={rows} id={(row) => row.worker?.worker ?? row.host.host} height={720} sort={sort} setSort={(value) => setSort(value)}
-                columns={columns(fleet, at.current, toggle, (host) => many !== turned.has(host))} />
+                columns={columns(fleet, at.current, toggle, isFolded)} />
             </section>
             {moving > 0 && <p class="small muted" data-held>{count(moving)} rows would move: their order is held while you are at them.</p>}
             <Pager what="hosts" from={args.offset} shown={hosts.length} total={fleet.total} size={mostHosts} go={(next) => setParameters({ from: next || null })} />

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
-import { useEffect, useState } from 'preact/hooks';
-import { getBytes, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { getBytes, getJson, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
 import { none } from '../core/format';
 import { useKeys } from '../core/keys';
@@ -72,6 +72,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const [shown, show] = useState('');
   const [token, setToken] = useState('');
   const [opened, setOpened] = useState<Opened | null>(null);
+  const [opening, setOpening] = useState(false);
   // an address says nothing of how far its session is: whoever just came waits as long as one takes to open
   const [came] = useState(Date.now());
   const waiting = session !== '' && !props.there && opened?.session !== session && now.value - came < openingMs;
@@ -88,6 +89,8 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
     return () => abort.abort();
   }, [text]);
   const open = async () => {
+    if (opening) return;  // each is a simulator of its own
+    setOpening(true);
     try {
       if (token) await postJson('/session', { token });
       setToken('');
@@ -98,6 +101,8 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
       setParameters({ session: started.session });
     } catch (error) {
       setSaid(reasonOf(error));
+    } finally {
+      setOpening(false);
     }
   };
   const actions = home.value?.actions ?? true;
@@ -114,7 +119,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
         <Select showLabel label="Policy" value={wish.run} options={wish.run ? listed(data.policies, wish.run) : [['', 'none is served']]} choose={set('policy')} />
         {actions && <TokenField value={token} change={setToken} />}
         <button type="button" class="button" onClick={() => show(`${encodeURIComponent(wish.spec)}/${wish.index}.png${query({ seed: wish.seed })}`)}>Preview</button>
-        {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open</button>}
+        {actions && <button type="button" class="button" disabled={!wish.run || opening} onClick={() => { void open(); }}>Open</button>}
       </div>
       {shown && <Preview of={shown} />}
       {command && <Command text={command} />}
@@ -279,19 +284,28 @@ function Say(props: { address: string; state: PlaySession; scene: Scene; send: (
     }, 200);
     return () => window.clearTimeout(timer);
   }, [sentence]);
-  const meaning = useResource<Meaning>(asked ? `${props.address}/meaning${query({ sentence: asked })}` : null);
+  // a name means one object or another by what stands on the table
+  const table = props.scene.objects.map((one) => (one.hidden ? '' : one.name)).join();
+  const meaning = useResource<Meaning>(asked ? `${props.address}/meaning${query({ sentence: asked })}` : null, { round: table });
+  const sending = useRef(false);
   const resting = props.state.phase === 'rest';
   const means = meaning.data;
-  const run = () => {
-    if (!resting || !sentence.trim()) return;
-    const known = means && !meaning.pending && asked === sentence.trim() ? means : null;
-    const { task = '', target = '', reference = '' } = intentIn(by) ?? known ?? {};
-    void props.send('say', { sentence: sentence.trim(), task, target, reference });
+  const run = async () => {
+    const text = sentence.trim();
+    if (!resting || !text || sending.current) return;
+    sending.current = true;
+    try {
+      // asked anew: what was typed a moment ago was not yet, and without a task nobody judges
+      const { task = '', target = '', reference = '' } = intentIn(by) ?? (await getJson<Meaning>(`${props.address}/meaning${query({ sentence: text })}`).catch(() => null)) ?? {};
+      await props.send('say', { sentence: text, task, target, reference });
+    } finally {
+      sending.current = false;
+    }
   };
-  useKeys([{ keys: 'r', does: 'run the sentence', run, when: () => resting }]);
+  useKeys([{ keys: 'r', does: 'run the sentence', run: () => { void run(); }, when: () => resting }]);
   return (
     <Panel title="Say">
-      <form class="row" onSubmit={(event) => { event.preventDefault(); run(); }}>
+      <form class="row" onSubmit={(event) => { event.preventDefault(); void run(); }}>
         <input class="field fill" aria-label="Sentence" placeholder="push the red can" value={sentence} maxLength={500} onInput={(event) => setSentence(event.currentTarget.value)} />
         <button type="submit" class="button" disabled={!resting || !sentence.trim() || (asked !== '' && means === undefined && !meaning.error)}>Run</button>
         <button type="button" class="button" disabled={resting} onClick={() => { void props.send('stop'); }}>Stop</button>

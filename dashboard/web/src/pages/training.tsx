@@ -232,7 +232,8 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
           const goal = run.goals.find((one) => one.module === module);
           return byUnit.map((unit) => {
             const entries = own.filter((one) => one.unit === unit).map((key) => ({ key, label: key.name.slice(module.length + 1), points: true }));
-            const held = goal && entries.some((one) => one.key.key === goal.key) ? goal.goal : null;
+            // a goal of an accuracy is the share that may be wrong
+            const held = goal && entries.some((one) => one.key.key === goal.key) ? (goal.unit === '-' ? 1 - goal.goal : goal.goal) : null;
             return <Panel><Chart title={`${module} ${unit === 'share' ? entries.map((one) => one.label).join(', ') : ''}`.trim()} unit={units[unit ?? ''] ?? ''} lines={lines(entries)} goal={held} {...common} /></Panel>;
           });
         })}

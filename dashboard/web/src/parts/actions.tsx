@@ -27,6 +27,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const [of] = useState(props.of);
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
+  const [busy, setBusy] = useState(false);
   const access = useToken(true);
   const [job, setJob] = useState<Job | null>(null);
   const [gone, setGone] = useState(false);
@@ -42,12 +43,16 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
     return () => window.clearInterval(timer);
   }, [job?.id, job?.state, gone]);
   const run = async () => {
+    if (busy) return;
+    setBusy(true);
     setProblem(null);
     try {
       const { job: id } = await access.act(() => postJson<{ job: string }>('/actions', of));
       setJob(await getJson<Job>(`/jobs/${id}`));
     } catch (error) {
       setProblem(problemOf(error));
+    } finally {
+      setBusy(false);
     }
   };
   return (
@@ -61,7 +66,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
         {home.value?.actions && command && !job && (
           <form class="row" onSubmit={(event) => { event.preventDefault(); void run(); }}>
             {access.field}
-            <button type="submit" class="button" disabled={!access.ready}>Run it</button>
+            <button type="submit" class="button" disabled={!access.ready || busy}>Run it</button>
           </form>
         )}
         {gone ? <Failed problem={jobGone} /> : job && <Progress of={job} />}

@@ -3,7 +3,7 @@
 import type uPlot from 'uplot';
 import { useEffect, useLayoutEffect, useRef, useState } from 'preact/hooks';
 import { color, paints } from '../core/theme';
-import { number } from '../core/format';
+import { axisLabels, number } from '../core/format';
 import { align } from '../core/lines';
 import { zoomedBy, type Range } from '../core/range';
 import { summarize } from '../core/stats';
@@ -130,7 +130,7 @@ export function Chart(props: ChartProps) {
 
   const missing = props.lines.reduce((sum, line) => sum + (line.faint ? 0 : summarize(line.values).missing), 0);
   return (
-    <figure class="chart" data-chart={props.title}>
+    <figure class="chart" data-chart={props.title} data-goal={props.goal ?? undefined}>
       <figcaption>
         <h3>{props.title}{props.unit && <span class="muted small"> {props.unit}</span>}</h3>
         {props.note && <span class="small muted">{props.note}</span>}
@@ -248,8 +248,8 @@ function options(props: { current: ChartProps }, legend: { current: (HTMLElement
     },
     series, bands,
     axes: [
-      { ...axis, size: 24, gap: 4, space: 56, values: (_u, splits) => splits.map((value) => (props.current.xFormat ?? compact)(value)) },
-      { ...axis, size: 52, gap: 6, space: 32, values: (_u, splits) => splits.map((value, i) => (value === null || (now.log && i % 2) ? '' : compact(value))) },
+      { ...axis, size: 24, gap: 4, space: 56, values: (_u, splits) => (props.current.xFormat ? splits.map(props.current.xFormat) : axisLabels(splits)) },
+      { ...axis, size: 52, gap: 6, space: 32, values: (_u, splits) => (now.log ? splits.map((value, i) => (value === null || i % 2 ? '' : compact(value))) : axisLabels(splits)) },
     ],
     hooks: {
       drawClear: [(u) => drawBehind(u, props.current)],
@@ -285,6 +285,7 @@ function yRange(props: ChartProps, low: number | null, high: number | null): [nu
   return [from >= 0 && from - pad < 0 ? Math.min(0, from) : from - pad, to + pad];
 }
 
+/** Of a logarithmic axis, whose ticks are not evenly apart. */
 function compact(value: number): string {
   const size = Math.abs(value);
   if (size >= 1e6) return `${number(value / 1e6, 2)}M`;
