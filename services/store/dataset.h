@@ -118,6 +118,8 @@ class DatasetReader {
   const std::string& spec_sha256() const { return spec_sha256_; }
   /// Of the dataset on disk.
   int schema_version() const { return schema_version_; }
+  /// Of the program that made it (kContentVersion): another makes other episodes of the same spec. 0: it does not say.
+  std::int64_t content_version() const { return content_version_; }
   /// Indices of the episode files there now, ascending (reads the folders).
   Result<std::vector<std::uint64_t>> List() const;
   /// @error kCorrupt with the file and what is wrong; kUnavailable: it cannot be read now and may be whole, so ask
@@ -131,6 +133,7 @@ class DatasetReader {
   CampaignSpec spec_;
   std::string spec_sha256_;
   int schema_version_ = kSchemaVersion;
+  std::int64_t content_version_ = 0;
 };
 
 /// Reads frames by file offset, with no HDF5 and no lock: pread + inflate. Thread-safe.

@@ -38,6 +38,7 @@ Result<DatasetReader> DatasetReader::Open(const Path& dataset) {
   reader.spec_ = std::move(description->spec);
   reader.spec_sha256_ = std::move(description->spec_sha256);
   reader.schema_version_ = description->schema_version;
+  reader.content_version_ = description->content;
   return reader;
 }
 

@@ -8,6 +8,8 @@
 #include <cstring>
 #include <utility>
 
+#include "services/core/file.h"
+
 namespace etude::store::internal {
 namespace {
 
@@ -25,6 +27,14 @@ std::string HdfMessage() {
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect, &text);
   H5Eclear2(H5E_DEFAULT);
   return text.empty() ? "" : fmt::format(" (HDF5: {})", text);
+}
+
+// A full disk is no bug: HDF5 tells a failed system call in words alone ("errno = 28, error message = ...").
+Code CodeOf(const std::string& message) {
+  static constexpr std::string_view kErrno = "errno = ";
+  const std::size_t at = message.find(kErrno);
+  if (at == std::string::npos) return Code::kInternal;
+  return ErrnoError("", {}, std::atoi(message.c_str() + at + kErrno.size())).code;
 }
 
 // file access in memory only, format of HDF5 1.8 so that every reader of today opens it
@@ -128,7 +138,11 @@ bool HdfWriter::MakePropertyLists() {
 }
 
 bool HdfWriter::Check(bool good, const std::string& what) {
-  if (!good && failed_.empty()) failed_ = what + HdfMessage();
+  if (!good && failed_.empty()) {
+    const std::string message = HdfMessage();
+    failed_ = what + message;
+    code_ = CodeOf(message);
+  }
   return failed_.empty();
 }
 
@@ -237,7 +251,7 @@ Result<std::vector<std::uint8_t>> HdfWriter::Finish() {
   for (Hid* id : {&file_, &link_, &group_, &dataset_}) *id = Hid();
   lock_.Release();
   if (!image_) {
-    if (!failed_.empty()) return Fail(Code::kInternal, "write an HDF5 file: " + failed_);
+    if (!failed_.empty()) return Fail(code_, "write an HDF5 file: " + failed_);
     return std::vector<std::uint8_t>{};
   }
 

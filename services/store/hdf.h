@@ -96,7 +96,8 @@ class HdfWriter {
   /// process made, never those of a file: the library would follow what stands in them.
   void CopyFrom(std::span<const std::uint8_t> bytes, const std::string& path);
 
-  /// The file's bytes, none of a file on disk; call once, last. @error kInternal with the first call that failed.
+  /// The file's bytes, none of a file on disk; call once, last. @error with the first call that failed: the code
+  /// of ErrnoError where the system's answer is the cause, else kInternal.
   Result<std::vector<std::uint8_t>> Finish();
 
  private:
@@ -111,7 +112,8 @@ class HdfWriter {
   HdfLock lock_;
   std::unique_ptr<FileImage> image_;   // null: on disk
   Hid file_, link_, group_, dataset_;  // the file; creation property lists
-  std::string failed_;
+  std::string failed_;                 // the first call that failed, "" while all is well
+  Code code_ = Code::kInternal;
 };
 
 #define ETUDE_HDF_TYPE(type, native_id, file_id) \

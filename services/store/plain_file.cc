@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/plain_file.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <map>
 #include <span>
 
+#include "services/core/descriptor.h"
 #include "services/core/stop.h"
 #include "services/store/episode_file.h"
 #include "services/store/filter_keys.h"
@@ -18,6 +21,16 @@ namespace etude::store {
 namespace {
 
 using internal::HdfWriter;
+
+// libhdf5 1.10 ends the program where a copy cannot be written (H5Ocopy, H5T_close_real): the room is taken before. What
+// of it is not needed goes when the file is closed. Where a file system cannot do that, it is left to chance.
+Status TakeRoom(const Path& path, std::uint64_t bytes) {
+  const Descriptor file(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  struct stat info {};
+  if (file.get() < 0 || ::fstat(file.get(), &info) != 0) return Fail(ErrnoError("open", path, errno));
+  if (::fallocate(file.get(), 0, info.st_size, static_cast<off_t>(bytes)) == 0 || errno == EOPNOTSUPP) return {};
+  return Fail(ErrnoError(fmt::format("take {} KiB more in", bytes >> 10), path, errno));
+}
 
 class PlainFile {
  public:
@@ -41,6 +54,8 @@ class PlainFile {
     // HDF5's library gets bytes of our own making only
     const auto anew = internal::EncodeEpisodeFile(internal::WithFrames(std::move(*decoded), bytes));
     if (!anew) return Fail(Error{Code::kCorrupt, anew.error().message}.Wrap(context()));
+    constexpr std::uint64_t kMore = 1 << 20;  // that the file's own tables may grow by
+    ETUDE_RETURN_IF_ERROR(TakeRoom(path_, anew->size() + kMore));
     HdfWriter file(path_, HdfWriter::OnDisk::kAdd);
     file.CopyFrom(std::span(*anew).first(anew->size() - internal::kSealSize), internal::DemoGroup(index));
     if (Status copied = Done(file.Finish()); !copied) return Fail(copied.error().Wrap(context()));

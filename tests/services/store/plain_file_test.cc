@@ -4,6 +4,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
 
 #include "services/codec/frame.h"
 #include "services/core/hash.h"
@@ -94,6 +99,30 @@ TEST_F(PlainFile, IsRefusedInWords) {
   EXPECT_THAT(damaged, HasCode(Code::kCorrupt));
   EXPECT_THAT(damaged, MessageHas("000002.hdf5"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "b.hdf5"));
+}
+
+// A file size limit stands in for a full disk.
+TEST_F(PlainFile, SaysThatTheDiskIsFullAndLeavesNothing) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const struct rlimit full { 50'000, 50'000 };
+    ::setrlimit(RLIMIT_FSIZE, &full);
+    const auto report = WritePlainFile(data_, out_, {});
+    ::_exit(!report && report.error().code == Code::kUnavailable ? 0 : 1);
+  }
+  int wait_status = 0;
+  ASSERT_EQ(::waitpid(child, &wait_status, 0), child);
+  EXPECT_EQ(wait_status, 0);
+  EXPECT_FALSE(std::filesystem::exists(out_));
+}
+
+// The room that is taken beforehand is given back.
+TEST_F(PlainFile, IsNoLargerThanWhatItHolds) {
+  ASSERT_THAT(WritePlainFile(data_, out_, {}), IsOk());
+  std::uintmax_t episodes = 0;
+  for (std::uint64_t i = 0; i < 6; ++i) episodes += std::filesystem::file_size(EpisodePath(data_, i));
+  EXPECT_LT(std::filesystem::file_size(out_), episodes + 300'000);
 }
 
 }  // namespace plain_file_test
