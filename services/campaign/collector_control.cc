@@ -217,19 +217,24 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   return assignment;
 }
 
-// A lease is told again to the host that it went to only: whoever asks in another's name learns nothing.
+// A lease is told again to the host that it went to only: whoever asks in another's name learns nothing. A worker that
+// was started again there goes on at once; one that asks after another has taken its name over is a second one, and
+// both would make every attempt.
 bool Collector::Impl::HoldsElsewhere(const bus::WorkRequest& request) {
   const bool holds = table.Holds(request.worker) || rechecks.Holds(request.worker);
-  const std::string asking = bus::HostOfAddress(request.host);
-  std::string& host = leased_to[request.worker];
-  if (holds && host != asking) {
+  const std::string host = bus::HostOfAddress(request.host);
+  LeasedTo& last = leased_to[request.worker];
+  const std::string last_host = bus::HostOfAddress(last.address);
+  if (holds && (host != last_host || (request.host == last.before && request.host != last.address))) {
     constexpr std::size_t kMostTold = 1000;
     if (told_apart.size() < kMostTold && told_apart.insert(request.worker).second)
-      Log().warn("workers of hosts '{}' and '{}' are both called {}: the second one waits; give each another --name",
-                 host, asking, Printable(request.worker));
+      Log().warn("{} called {}: one of them waits; give each another --name",
+                 host == last_host ? fmt::format("two workers of host '{}' are both", host)
+                                   : fmt::format("workers of hosts '{}' and '{}' are both", last_host, host),
+                 Printable(request.worker));
     return true;
   }
-  host = asking;
+  if (request.host != last.address) last = {.address = request.host, .before = std::move(last.address)};
   return false;
 }
 

@@ -80,13 +80,16 @@ struct Collector::Impl {
   // of the workers in `heard` that have asked: of the address where they read the answer, which under security is what
   // their identity names, and not what they say of themselves
   std::map<std::string, std::string> hosts ETUDE_GUARDED_BY(mutex);
-  std::map<std::string, std::string> leased_to ETUDE_GUARDED_BY(mutex);  // their hosts when they were leased something
-  std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);             // worker -> last sign of life
-  std::set<std::string> told_apart ETUDE_GUARDED_BY(mutex);  // workers' names that two hosts have, as was said
-  std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);   // workers that were told kDone
-  std::deque<Time> commits ETUDE_GUARDED_BY(mutex);          // of the last minute
-  std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);     // e.g. another collector of this id has the better right
-  struct Motion {                                            // of a worker's attempt, by its heartbeats
+  struct LeasedTo {
+    std::string address, before;  // who asked last in a worker's name, and whom it took that over from
+  };
+  std::map<std::string, LeasedTo> leased_to ETUDE_GUARDED_BY(mutex);
+  std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);  // worker -> last sign of life
+  std::set<std::string> told_apart ETUDE_GUARDED_BY(mutex);   // workers' names that two have, as was said
+  std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);    // workers that were told kDone
+  std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
+  std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);      // e.g. another collector of this id has the better right
+  struct Motion {                                             // of a worker's attempt, by its heartbeats
     std::uint64_t index = 0, mark = 0;
     std::string phase, stage;
     std::uint32_t step = 0;

@@ -159,6 +159,25 @@ TEST_F(CollectorControl, AHostsLeasesAreNotSeenByOthers) {
   EXPECT_EQ(everybody->matched_writers(), 0);
 }
 
+// One that was started again takes its own lease over; two that run would make every attempt twice.
+TEST_F(CollectorControl, TwoWorkersOfOneHostAndNameDoNotBothWork) {
+  const CampaignSpec spec = Spec("namesakes", 3);
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  const auto first = bus::Participant::Open({kCollectorDomain, "", "", {}, "lab--00000001"});
+  const auto second = bus::Participant::Open({kCollectorDomain, "", "", {}, "lab--00000002"});
+  ASSERT_TRUE(first && second);
+  RawWorker one(*first, spec, running->id(), "worker"), two(*second, spec, running->id(), "worker");
+  const bus::Lease lease = one.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+
+  EXPECT_EQ(two.Ask().token, lease.token) << "as if it were the first one, started again";
+  EXPECT_EQ(one.Ask().kind, bus::LeaseKind::kWait) << "it is not";
+  EXPECT_EQ(two.Ask().token, lease.token);
+  ASSERT_EQ(two.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
+  EXPECT_EQ(one.Ask().kind, bus::LeaseKind::kWork) << "its namesake holds nothing";
+  EXPECT_EQ(two.Ask().kind, bus::LeaseKind::kWait);
+}
+
 // It could not be told in its partition: it is, where everybody listens who does not know of hosts.
 TEST_F(CollectorControl, AWorkerThatNamesNoHostIsRefused) {
   const CampaignSpec spec = Spec("nowhere", 3);
