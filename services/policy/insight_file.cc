@@ -12,6 +12,7 @@
 
 #include "services/codec/frame.h"
 #include "services/episode/bounded_json.h"
+#include "services/policy/conversion.h"
 
 namespace etude::policy {
 namespace {
@@ -58,9 +59,11 @@ Bytes BlockOf(const Insight& insight) {
                    {"attention", LayoutOf(insight, weights)}};
   const View& view = insight.view;
   if (view != View{}) json["view"] = {view.u, view.v, view.width, view.height};
-  json["waypoints"] = OrderedJson::array();
+  // a network may say a rotation that is none: the rest of the decision is what tells why
+  std::vector<float> waypoints;
   for (const auto& waypoint : insight.waypoints)
-    for (const float number : ToVector(waypoint)) json["waypoints"].push_back(number);
+    for (const float number : ToVector(waypoint)) waypoints.push_back(number);
+  json["waypoints"] = AreWaypoints(waypoints) ? OrderedJson(waypoints) : OrderedJson::array();
   const std::string text = JsonText(json) + "\n";
   if (text.size() > kMostText) return {};
   Bytes block(text.begin(), text.end());

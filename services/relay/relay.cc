@@ -169,7 +169,14 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
     const auto live = directory.Matching(bus::PresenceKind::kRun, {run->name, run->id});
     // of one that has gone already: this one relays for its own user
     const std::string user = live.empty() ? UserName() : live.front().user;
-    while (!stopping() && !directory.Replaced(bus::PresenceKind::kRun, selector, run->id, user)) relay.Step(kRound);
+    for (bool told = false; !stopping(); relay.Step(kRound)) {
+      if (!directory.Replaced(bus::PresenceKind::kRun, selector, run->id, user)) continue;
+      const auto next = RunOf(directory, selector, options.folder);
+      if (next) break;
+      if (!std::exchange(told, true))
+        Log().warn("run {} is relayed on until it is clear which one follows it: {}", run->partition(),
+                   next.error().message);
+    }
   }
   return {};
 }

@@ -55,8 +55,10 @@ class Relay {
 
 /// Relays a run until `stopping`, which is asked several times a second. With its name alone: the run of that name
 /// which is there, else the one that the folder is of; and when another one of the name and the same user (where the
-/// run has gone already: this process's) has taken its place, that one.
-/// @error kInvalidArgument: the name means several runs, or the folder is of one of another name; as Relay::Open
+/// run has gone already: this process's) has taken its place, that one; where several have, the first goes on until one
+/// of them is left.
+/// @error kInvalidArgument: the name means several runs as it begins, or the folder is of one of another name; as
+/// Relay::Open
 Status RelayRuns(const bus::Participant& participant, const Selector& selector, const RelayOptions& options,
                  const std::function<bool()>& stopping);
 

@@ -105,6 +105,16 @@ TEST_F(InsightFileTest, WhatIsNotFiniteIsNoAttention) {
   EXPECT_EQ(read->attention.at("TAR2D").heads[0].picture, (std::vector<double>{0, 0, 0}));
 }
 
+TEST_F(InsightFileTest, WaypointsThatAreNoneDoNotTakeTheDecisionAlong) {
+  Insight insight = Example(7);
+  insight.waypoints[1].X_WE.q.coeffs().setConstant(std::numeric_limits<double>::quiet_NaN());
+  ASSERT_THAT(WriteInsightFile(file_, of_, {{0, insight}}), IsOk());
+  const auto read = InsightFile::Open(file_)->At(0);
+  ASSERT_THAT(read, IsOk());
+  EXPECT_TRUE(read->waypoints.empty());
+  EXPECT_EQ(read->modules, insight.modules);
+}
+
 TEST_F(InsightFileTest, ADecisionBeyondTheBoundsIsLeftOut) {
   Insight large = Example(7);
   large.modules["LANG"]["value"] = std::string(kMostInsight, 'x');

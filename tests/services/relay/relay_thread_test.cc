@@ -47,6 +47,31 @@ TEST(RelayThread, FollowsTheRunsOfItsNameAndServesTheLastOneAfterARestart) {
   ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(second.id, "latest", 1, 1));
 }
 
+TEST(RelayThread, OffersTheLastRunUntilItIsClearWhichOneFollowsIt) {
+  const auto peers = bus::OpenTwo(kDomain);
+  const TemporaryFolder folder;
+  const bus::Owner first{"unclear", "aaaa000000000001"}, second{"unclear", "bbbb000000000002"},
+      third{"unclear", "cccc000000000003"};
+  const RelayOptions options{.folder = folder / "relay", .patience = 50ms};
+  auto run = std::make_unique<ExampleRun>(peers.b, first, folder / first.id);
+  run->Publish(ExampleBlob(first.id, "latest", 900, 900));
+  const RelayThread relay(peers.a, {"unclear", ""}, options);
+  ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == first.id; }));
+  ExampleRun next(peers.b, second, folder / second.id);
+  auto other = std::make_unique<ExampleRun>(peers.b, third, folder / third.id);
+  next.Publish(ExampleBlob(second.id, "latest", 1, 1));
+  // both are known before the first one goes
+  auto directory = bus::Directory::Open(peers.a).value();
+  ASSERT_TRUE(WaitFor([&] { return directory.Matching(bus::PresenceKind::kRun, {"unclear", ""}).size() == 3; }));
+  run.reset();
+
+  auto subscriber = bus::BlobSubscriber::Open(peers.b, first, "latest").value();
+  ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(first.id, "latest", 900, 900));
+  EXPECT_EQ(KeptId(options.folder), first.id);
+  other.reset();
+  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+}
+
 // What it is beside of goes on.
 TEST(RelayThread, AFolderThatItCannotHaveEndsItWithWords) {
   const auto peers = bus::OpenTwo(kDomain);
