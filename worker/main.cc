@@ -28,6 +28,7 @@
 #include "services/core/without_throwing.h"
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
+#include "services/spec/content_version.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
 #include "worker/fingerprint.h"
@@ -291,6 +292,11 @@ Status Replay(const Arguments& arguments) {
     return ReplayAttempt(spec, arguments.replay, arguments.renderer);
   }
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(asked.file));
+  if (reader.content_version() != kContentVersion || reader.spec_sha256() != SpecHash(reader.spec()))
+    Log().warn(
+        "dataset '{}' was made by another version (content {}, here {}): what this one makes of its spec need "
+        "not be the attempt that happened there",
+        asked.file, reader.content_version(), kContentVersion);
   ETUDE_ASSIGN_OR_RETURN(const auto journal, store::SamplingJournal::Open(asked.file, reader.spec()));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::WithOverrides(reader.spec(), asked.overrides));
   ReplayOptions replay = arguments.replay;

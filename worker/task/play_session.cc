@@ -348,17 +348,34 @@ bool PlaySession::IsHome() const {
   return !closed_ && (now.p - home.p).norm() < kHomeWithin && AngleBetween(now.q, home.q) < kHomeTurn;
 }
 
-// What is held is put down where it is, the fingers open and back off, then the arm is planned to where the scene
-// began. Where no way is found the arm stays: policies may start from anywhere, if not as well.
+bool PlaySession::StandsOnAnother(const std::string& object) const {
+  const double z = world().ObjectPose(object).p.z();
+  return std::ranges::any_of(world().ContactsOf(object), [&](const std::string& body) {
+    const auto& objects = environment_->scene->objects();
+    return std::ranges::find(objects, body, &sim::ObjectInfo::name) != objects.end() &&
+           world().ObjectPose(body).p.z() < z;
+  });
+}
+
+// What is held is put down where it is, or onto what stands there, the fingers open and back off, then the arm is
+// planned to where the scene began. Where no way is found the arm stays: policies may start from anywhere, if not as
+// well.
 bool PlaySession::GoHome(const Hook& hook) {
   if (closed_) {
     double below = 0;
+    std::string held;
     for (const auto& object : environment_->scene->objects()) {
       if (!world().Grasped(object.name)) continue;
       const Pose X_WO = world().ObjectPose(object.name);
       below = X_WO.p.z() - environment_->shapes.HeightOnTable(object.name, X_WO.q) - kGapBelow;
+      held = object.name;
     }
-    if (below > 0 && !Straight({0, 0, -below}, true, hook)) return false;
+    bool stands = false;
+    const Hook until_it_stands = [&] {
+      stands = StandsOnAnother(held);
+      return !stands && (!hook || hook());
+    };
+    if (below > 0 && !Straight({0, 0, -below}, true, until_it_stands) && !stands) return false;
     const Waypoint open{world().X_WE(), 0};
     if (!Follow(std::vector<Waypoint>(kOpenSteps, open), std::vector<Vector6d>(kOpenSteps, Vector6d::Zero()), hook))
       return false;

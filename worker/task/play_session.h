@@ -129,6 +129,7 @@ class PlaySession {
               const Hook& hook);
   bool Straight(const Eigen::Vector3d& by, bool closed, const Hook& hook);
   bool IsHome() const;
+  bool StandsOnAnother(const std::string& object) const;
   bool GoHome(const Hook& hook);
   Result<Verdict> Drive(const Sentence& sentence, const EpisodePlan& plan, const policy::AskFunction& ask,
                         const Hook& hook);

@@ -57,6 +57,21 @@ TEST_F(DatasetCli, DatasetCommandsFindAFlippedBit) {
   EXPECT_EQ(Etude({"dataset", "verify", In("data")}).exit_code, kExitOk);
 }
 
+TEST_F(DatasetCli, AReplayOfWhatAnotherVersionMadeSaysSo) {
+  WriteDataset("data", {0});
+  // refused for its --out, which comes after what is said of the dataset
+  const std::vector<std::string> replay{"attempt", "replay", In("data"), "--index", "0", "--out", In("data")};
+  const Outcome same = Etude(replay);
+  EXPECT_NE(same.exit_code, kExitOk);
+  EXPECT_THAT(same.text, testing::Not(HasSubstr("another version")));
+
+  const Path file = folder_ / "data/dataset.json";
+  auto description = OrderedJson::parse(ReadTextFile(file).value());
+  description["content"] = 1;
+  ASSERT_TRUE(WriteFileAtomically(file, std::string_view(description.dump())));
+  EXPECT_THAT(Etude(replay).text, HasSubstr("another version (content 1, here"));
+}
+
 TEST_F(DatasetCli, DatasetInfoCountsWhatIsThere) {
   WriteDataset("data", {0, 1, 2, 3});
   const OrderedJson info = JsonOf({"dataset", "info", In("data")});

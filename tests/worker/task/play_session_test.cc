@@ -102,6 +102,50 @@ TEST(PlaySession, GoesOnInTheSameSceneAndComesHomeFirst) {
   EXPECT_LT((session->world().X_WE().p - home.p).norm(), 0.05);
 }
 
+// Wants what is held over a place, as high as it is.
+policy::AskFunction Over(const PlaySession& session, const Eigen::Vector3d& place) {
+  return [&session, place](const policy::Question&) -> Result<policy::Answer> {
+    Pose X_WE = session.world().X_WE();
+    const Eigen::Vector3d object = Place(session, session.plan().target);
+    Eigen::Vector3d by(place.x() - object.x(), place.y() - object.y(), 0);
+    constexpr double kFarthest = 0.03;  // m, in one answer
+    if (by.norm() > kFarthest) by *= kFarthest / by.norm();
+    X_WE.p += by;
+    policy::Answer answer;
+    answer.waypoints.assign(kWaypoints, Waypoint{X_WE, 1});
+    return answer;
+  };
+}
+
+TEST(PlaySession, OnTheWayHomeWhatIsHeldIsNotPressedOntoWhatStandsUnderIt) {
+  const CampaignSpec spec = SpecOf("pick");
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner);
+  const auto demonstration = runner->Demonstrate(0, 0).value();
+  ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess);
+  auto session = Open(spec);
+  const std::string target = session->plan().target, other = target == "milk" ? "coke" : "milk";
+  ASSERT_TRUE(
+      session->Say(SentenceOf(session->plan()), Playback(demonstration.episode, spec.rollout.replan_steps), nullptr));
+  ASSERT_TRUE(session->world().Grasped(target));
+  Sentence over = SentenceOf(session->plan(), 400);
+  over.home = false;
+  ASSERT_TRUE(session->Say(over, Over(*session, Place(*session, other)), nullptr));
+  const Eigen::Vector3d before = Place(*session, other);
+  ASSERT_LT((Place(*session, target) - before).head<2>().norm(), 0.02);
+  ASSERT_TRUE(session->world().Grasped(target));
+
+  double pushed = 0;
+  ASSERT_TRUE(session->Say(SentenceOf(session->plan(), 5), Still(*session), [&] {
+    if (std::string(session->doing()) == "homing" && session->world().Grasped(target))
+      pushed = std::max(pushed, (Place(*session, other) - before).norm());
+    return true;
+  }));
+
+  EXPECT_LT(pushed, 0.005);
+  EXPECT_FALSE(session->world().Grasped(target));
+}
+
 TEST(PlaySession, PutsObjectsWhereTheyAreWanted) {
   auto session = Open(SpecOf(kTask));
   const Status set = session->SetScene(0, {{"coke", -0.5, 0.6, 0.2}});
