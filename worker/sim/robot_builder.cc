@@ -20,7 +20,7 @@ using tinyxml2::XMLElement;
 
 constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
 constexpr const char* kToolSite = "etude_tool";
-constexpr double kQuarter = std::numbers::pi / 2;
+constexpr double kQuarter = std::numbers::pi / 2, kWholeTurn = 2 * std::numbers::pi;
 constexpr std::size_t kFewestJoints = 5;
 constexpr double kDampingShare = 0.5;                ///< of a joint's torque, that its damping may take at most
 constexpr double kLeastStroke = 1e-3;                ///< m or rad, of a finger from open to closed
@@ -174,6 +174,7 @@ class Builder {
     if (!(gripper.force > 0)) Wrong("gripper.force: {} must be > 0", gripper.force);
     if (gripper.fingers.size() < 2) Wrong("gripper.fingers: at least two groups of bodies");
     for (const auto& group : gripper.fingers) {
+      if (group.empty()) Wrong("gripper.fingers: a group without bodies would never touch anything");
       for (const std::string& body : group) Id(mjOBJ_BODY, "body", body);
       auto& names = model_.finger_groups.emplace_back();
       for (const std::string& body : group) names.push_back(BodyName(body));
@@ -278,6 +279,8 @@ class Builder {
 
   void PlaceBase() {
     if (file_.base.position.size() != 3) return Wrong("base.position: three numbers");
+    if (!(std::abs(file_.base.yaw) <= kWholeTurn))
+      Wrong("base.yaw: {}: rad, and more than a whole turn", file_.base.yaw);
     SetPose(*xml_.root(), {Vector3d::Map(file_.base.position.data()),
                            Eigen::Quaterniond(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()))});
   }
@@ -300,10 +303,13 @@ class Builder {
       body = Id(mjOBJ_BODY, "body", tool.body);
       if (body < 0) return;
     }
-    const Vector3d x = -Vector3d::Map(tool.approach.data()).normalized();
-    const Vector3d opening = Vector3d::Map(tool.opening.data());
-    const Vector3d y = (opening - x * x.dot(opening)).normalized();
-    if (!x.allFinite() || !y.allFinite()) return Wrong("tool: approach and opening must be apart and not zero");
+    const Vector3d approach = Vector3d::Map(tool.approach.data()), opening = Vector3d::Map(tool.opening.data());
+    const Vector3d x = -approach.normalized(), across = opening - x * x.dot(opening);
+    // as a condition that numbers which are none do not fulfil; of what has no length `normalized` makes itself
+    if (!(approach.norm() > 1e-9 && across.norm() > 1e-6 * opening.norm() && across.allFinite()))
+      return Wrong("tool: approach ({}) and opening ({}) must be apart and not zero", fmt::join(tool.approach, ", "),
+                   fmt::join(tool.opening, ", "));
+    const Vector3d y = across.normalized();
     Eigen::Matrix3d R_SE;
     R_SE << x, y, x.cross(y);
     Pose X_BE = X_BS * Pose{Vector3d::Map(tool.position.data()), Eigen::Quaterniond(R_SE)};
@@ -390,6 +396,8 @@ class Builder {
 
   void AddPitches() {
     const double turn = file_.turn != 0 ? file_.turn : file_.approach_pitch > kQuarter / 2 ? -kQuarter : kQuarter;
+    if (!(std::abs(file_.approach_pitch) <= kWholeTurn / 2))
+      Wrong("approach_pitch: {}: rad, and more than half a turn", file_.approach_pitch);
     if (std::abs(std::abs(turn) - kQuarter) > 0.01) Wrong("turn: {}: must be pi/2, -pi/2 or 0", turn);
     model_.approach_pitch = file_.approach_pitch;
     model_.turned_pitch = file_.approach_pitch + turn;

@@ -257,8 +257,10 @@ Status RobotXml::Attach(RobotXml gripper, const std::string& at, const Pose& X) 
   if (!body)
     return Fail(Code::kInvalidArgument,
                 fmt::format("gripper.attach: {} has no body or site '{}'", file().string(), at));
+  std::string name = gripper.prefix_ + "mount";
+  while (Find("body", name) || gripper.Find("body", name)) name = gripper.prefix_ + name;
   XMLElement* mount = body->InsertNewChildElement("body");
-  mount->SetAttribute("name", (gripper.prefix_ + "mount").c_str());
+  mount->SetAttribute("name", name.c_str());
   SetPose(*mount, X_BG);
   mount->InsertEndChild(gripper.root_->DeepClone(&document_.document()));
   other_defaults_ = gripper.Defaults();

@@ -63,6 +63,8 @@ struct DepthNetwork::Impl {
       return Fail(Code::kInvalidArgument,
                   fmt::format("the network's output has {} numbers in {} dimensions, not one picture of depth",
                               output.total(), output.dims));
+    if (!cv::checkRange(cv::Mat(rows, columns, CV_32F, output.data)))
+      return Fail(Code::kInvalidArgument, "the network's output has depths that are no finite numbers");
     cv::Mat nearness;
     cv::resize(cv::Mat(rows, columns, CV_32F, output.data), nearness, colors.size(), 0, 0, cv::INTER_CUBIC);
     return nearness;

@@ -202,12 +202,18 @@ Status Gallery(const Arguments& arguments) {
   if (folders.empty()) return Fail(Code::kNotFound, fmt::format("'{}' has no objects", arguments.folder));
   std::sort(folders.begin(), folders.end());
   std::vector<Tile> tiles;
+  // one scale for all, so that they can be compared
+  ViewOptions view{.size = arguments.tile};
+  for (const Path& folder : folders) {
+    ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
+    view.extent = std::max(view.extent, 1.3 * facts.size_m);
+  }
   for (const Path& folder : folders) {
     ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
     ETUDE_ASSIGN_OR_RETURN(const FileMesh read, ReadMesh(folder / "visual.obj"));
     ETUDE_ASSIGN_OR_RETURN(const Texture texture, DecodePicture(read.picture, folder.string()));
-    tiles.push_back({ShadedView(read.mesh, texture, {.size = arguments.tile}),
-                     fmt::format("{}  {:.0f} mm", facts.name, 1000 * facts.size_m)});
+    tiles.push_back(
+        {ShadedView(read.mesh, texture, view), fmt::format("{}  {:.0f} mm", facts.name, 1000 * facts.size_m)});
   }
   ETUDE_RETURN_IF_ERROR(WriteContactSheet(tiles, arguments.columns, arguments.sheet));
   fmt::print("{} objects in {}\n", tiles.size(), arguments.sheet);

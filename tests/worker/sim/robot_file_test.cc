@@ -145,6 +145,23 @@ TEST_F(BrokenRobot, AJointThatMayNotMoveIsRefused) {
   EXPECT_THAT(error.message, testing::HasSubstr("speed: -2 must be > 0"));
 }
 
+TEST_F(BrokenRobot, AHandWhoseFingersOpenWhereItPointsIsRefused) {
+  Replace("sketch.yaml", "opening: [1, 0, 0]", "opening: [0, 0, -2]");
+  EXPECT_THAT(Load().message, testing::HasSubstr("approach (0, 0, 1) and opening (0, 0, -2) must be apart"));
+  Replace("sketch.yaml", "opening: [0, 0, -2]", "opening: [0, 0, 0]");
+  EXPECT_THAT(Load().message, testing::HasSubstr("opening (0, 0, 0) must be apart"));
+}
+
+TEST_F(BrokenRobot, DegreesAndGroupsOfNothingAreRefused) {
+  Replace("sketch.yaml", "approach_pitch: 1.5708", "approach_pitch: 90");
+  Replace("sketch.yaml", "yaw: 0 ", "yaw: 180 ");
+  Replace("sketch.yaml", "[[left], [right]]", "[[left], []]");
+  const Error error = Load();
+  EXPECT_THAT(error.message, testing::HasSubstr("approach_pitch: 90: rad"));
+  EXPECT_THAT(error.message, testing::HasSubstr("base.yaw: 180: rad"));
+  EXPECT_THAT(error.message, testing::HasSubstr("a group without bodies"));
+}
+
 TEST_F(BrokenRobot, AMissingMeshIsMuJoCosMessage) {
   std::filesystem::remove(folder_ / "sketch/meshes/beam.obj");
   EXPECT_THAT(Load().message, testing::HasSubstr("beam.obj"));
@@ -343,6 +360,13 @@ TEST_F(TwoFiles, AJointThatBothHaveIsTheArmsAmongJoints) {
   EXPECT_THAT(loaded->model.actuator,
               testing::HasSubstr("<motor name=\"turn\" joint=\"turn\" ctrlrange=\"-120 120\"/>"));
   EXPECT_THAT(loaded->model.actuator, testing::HasSubstr("joint=\"gripper_turn\" ctrlrange=\"-75"));
+}
+
+TEST_F(TwoFiles, AnArmMayHaveABodyOfTheMountsName) {
+  Replace("sketch/sketch.xml", "<body name=\"hand\"", "<body name=\"gripper_mount\"");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+  EXPECT_THAT((*scene)->arm().bodies, testing::Contains("gripper_mount"));
 }
 
 TEST_F(TwoFiles, AFlangeThatIsNotThereIsNamed) {

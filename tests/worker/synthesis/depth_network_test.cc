@@ -33,9 +33,9 @@ std::string Value(const std::string& name, const std::vector<int>& shape) {
   return Message(1, name) + Message(2, Message(1, Number(1, 1) + Message(2, dims)));
 }
 
-/// A 1 x 1 convolution that adds the three channels up.
-std::string SumOfChannels(int size) {
-  const float ones[3] = {1, 1, 1};
+/// A 1 x 1 convolution that adds the three channels up, each times `weight`.
+std::string SumOfChannels(int size, float weight = 1) {
+  const float ones[3] = {weight, weight, weight};
   std::string weights = Number(1, 1) + Number(1, 3) + Number(1, 1) + Number(1, 1) + Number(2, 1) + Message(8, "w");
   weights += Message(9, std::string(reinterpret_cast<const char*>(ones), sizeof ones));
   const std::string kernel = Message(1, "kernel_shape") + Number(8, 1) + Number(8, 1) + Number(20, 7);
@@ -94,6 +94,13 @@ TEST(DepthNetwork, NamesWhatIsWrong) {
   ASSERT_THAT(WriteFileAtomically(rgb, EncodePng({64, 64, std::vector<std::uint8_t>(3 * 64 * 64, 255)}).value()),
               IsOk());
   EXPECT_THAT(network->Read(rgb), HasCode(Code::kInvalidArgument));
+
+  // half-precision networks run over
+  ASSERT_THAT(WriteFileAtomically(onnx, SumOfChannels(64, std::nanf(""))), IsOk());
+  auto broken = DepthNetwork::Open(onnx, {.width = 64, .height = 64});
+  ASSERT_THAT(broken, IsOk());
+  ASSERT_THAT(WriteFileAtomically(rgb, EncodePng(BrightBall(96)).value()), IsOk());
+  EXPECT_THAT(broken->Read(rgb), MessageHas("no finite numbers"));
 }
 
 }  // namespace depth_network_test

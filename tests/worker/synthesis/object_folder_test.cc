@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <memory>
+#include <random>
 
 #include "services/core/config_reference.h"
 #include "services/core/file.h"
@@ -214,6 +215,22 @@ TEST(WriteObject, RefusesWhatNoSceneWouldRead) {
   EXPECT_THAT(WriteObject(*object, folder / "a", 100), MessageHas("make it coarser"));
   EXPECT_FALSE(std::filesystem::exists(folder / "a/object.yaml"));
   EXPECT_THAT(WriteObject(*object, folder / "a"), IsOk());
+}
+
+TEST(WriteObject, RefusesAPictureThatNoSceneWouldRead) {
+  const TemporaryFolder folder;
+  auto object = DrawObject("apple", 0, 1);
+  ASSERT_THAT(object, IsOk());
+  ASSERT_THAT(WriteObject(*object, folder / "a"), IsOk());
+  const auto mesh = std::filesystem::file_size(folder / "a/visual.obj");
+  // what PNG cannot make smaller
+  std::mt19937 noise(1);
+  Texture& texture = object->texture;
+  texture = {1024, 1024, {}};
+  for (int i = 0; i < 3 * 1024 * 1024; ++i) texture.rgb.push_back(static_cast<std::uint8_t>(noise()));
+  ASSERT_LT(mesh, texture.rgb.size());
+  EXPECT_THAT(WriteObject(*object, folder / "b", mesh + 1), MessageHas("its picture of 1024 x 1024 px"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "b/object.yaml"));
 }
 
 TEST(PlaceObject, RefusesWhatHasNoVolume) {
