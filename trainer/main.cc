@@ -40,7 +40,9 @@ bool HasState(const Path& out) {
 // Of a trainer that starts itself again: a run that began with other weights or modules, which --resume refuses to be
 // told again, goes on by hand.
 std::optional<std::vector<std::string>> GoingOn(const Arguments& arguments) {
-  if (!arguments.resume && (!arguments.init.empty() || !arguments.add.empty())) return std::nullopt;
+  const bool begins = !arguments.init.empty() || !arguments.add.empty() || !arguments.copy.empty() ||
+                      !arguments.fresh.empty() || !arguments.like.empty();
+  if (!arguments.resume && begins) return std::nullopt;
   return HasState(arguments.out) ? std::vector<std::string>{"--resume"} : std::vector<std::string>();
 }
 
@@ -183,10 +185,11 @@ Status JoinRanks(const Arguments& arguments, const torch::Device& device, Togeth
 
 // A rank that does not lead: no bus, no files, the dataset as it stands on the disk.
 Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, const Surroundings& around) {
-  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follows(), {}));
-  ETUDE_ASSIGN_OR_RETURN(auto trainer,
-                         learn::Trainer::Create(config, std::move(dataset), OptionsOf(arguments, around), {}));
-  return trainer->Run();
+  auto dataset = OpenDataset(arguments.data, arguments.follows(), {});
+  if (!dataset) return BeforeTraining(std::move(dataset).error());
+  auto trainer = learn::Trainer::Create(config, std::move(*dataset), OptionsOf(arguments, around), {});
+  if (!trainer) return BeforeTraining(std::move(trainer).error());
+  return (*trainer)->Run();
 }
 
 // None when it trains offline.
@@ -250,6 +253,10 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Togeth
 }
 
 Status CheckRank(const Arguments& arguments) {
+  // one that is alone would train the whole run while the others wait for it
+  if (arguments.ranks == 1 && (arguments.rank >= 0 || !arguments.meet.empty()))
+    return Fail(Code::kInvalidArgument, "--rank, --meet: --ranks N has to say of how many");
+  if (arguments.ranks > 1) ETUDE_RETURN_IF_ERROR(ReadRanks(arguments));
   if (arguments.rank < arguments.ranks) return {};
   return Fail(Code::kInvalidArgument,
               fmt::format("--rank {}: --ranks has to say of how many, more than {}", arguments.rank, arguments.rank));
@@ -282,7 +289,7 @@ Status Train(const Arguments& arguments) {
                                                 fmt::format("run '{}' is being trained", arguments.out)));
   }
   Together together;
-  ETUDE_RETURN_IF_ERROR(JoinRanks(arguments, device, together));
+  if (auto joined = JoinRanks(arguments, device, together); !joined) return BeforeTraining(std::move(joined).error());
   policy::SetTorchThreads(config.threads.intra_op);
   if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
   const Status ended = Lead(arguments, config, together, device);

@@ -5,6 +5,7 @@
 #include <pthread.h>
 
 #include <exception>
+#include <new>
 
 #include "trainer/learn/tensors.h"
 
@@ -36,7 +37,7 @@ Replicas::~Replicas() {
 void Replicas::RunPart(std::size_t replica) {
   const int part_number = first_ + static_cast<int>(replica);
   const int first = batch_->size * part_number / parts_, last = batch_->size * (part_number + 1) / parts_;
-  errors_[replica].clear();
+  errors_[replica] = {};
   losses_[replica] = {};
   if (first == last) return;
   try {
@@ -47,8 +48,12 @@ void Replicas::RunPart(std::size_t replica) {
     // frozen parts alone, or modules whose labels this part of the batch lacks: nothing to learn from it
     if (loss.total.requires_grad()) loss.total.backward();
     losses_[replica] = {loss.total.item<double>(), loss.terms};
+  } catch (const c10::OutOfMemoryError& error) {
+    errors_[replica] = {Code::kUnavailable, error.what_without_backtrace()};
+  } catch (const std::bad_alloc& error) {
+    errors_[replica] = {Code::kUnavailable, error.what()};
   } catch (const std::exception& error) {
-    errors_[replica] = error.what();
+    errors_[replica] = {Code::kInternal, error.what()};
   }
 }
 
@@ -92,7 +97,7 @@ Result<BatchLoss> Replicas::Backward(data::Batch& batch, int level) {
   AwaitOthers();
   BatchLoss mean;
   for (std::size_t r = 0; r < policies_.size(); ++r) {
-    if (!errors_[r].empty()) return Fail(Code::kInternal, "forward and backward: " + errors_[r]);
+    if (!errors_[r].message.empty()) return Fail(errors_[r].Wrap("forward and backward"));
     mean.total += losses_[r].total / size();
     for (const auto& [name, value] : losses_[r].terms) mean.terms[name] += value / size();
   }

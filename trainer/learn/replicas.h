@@ -55,7 +55,7 @@ class Replicas {
   data::Batch* batch_ = nullptr;
   int level_ = 0;
   std::vector<BatchLoss> losses_;
-  std::vector<std::string> errors_;
+  std::vector<Error> errors_;  ///< without words: none
 
   Mutex mutex_;
   ConditionVariable start_, done_;

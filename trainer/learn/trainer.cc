@@ -56,11 +56,13 @@ struct Trainer::Impl {
   std::unique_ptr<data::Loader> loader;
   bool over = false;  ///< rank 0 said so
   bool stopped = false;
+  bool bad_weights = false;  ///< no numbers: they are not kept
 
   Status Loop();
   Status FollowRankZero();
   Status TrainStep();
   Status AfterStep();
+  Status Measure();
   Status EvaluateNow(bool observe);
   void TellErrors(policy::Policy& policy);
   bool TakeBest();
@@ -108,7 +110,7 @@ Status Trainer::Impl::TrainStep() {
   ETUDE_ASSIGN_OR_RETURN(const BatchLoss loss, run.replicas->Backward(*batch, order.level));
   if (ranks) ETUDE_RETURN_IF_ERROR(ranks->Sum(run.optimizer->SumGradients()));
   const auto outcome = run.optimizer->Step(order.lr);
-  if (!std::isfinite(outcome.gradient_norm) || !std::isfinite(loss.total))
+  if ((bad_weights = !std::isfinite(outcome.gradient_norm) || !std::isfinite(loss.total)))
     return NotFinite(run, loss, outcome.gradient_norm);
   run.optimizer->UpdateAverage(run.config.ema);
   loader->Recycle(std::move(batch));
@@ -157,20 +159,30 @@ void Trainer::Impl::TellErrors(policy::Policy& policy) {
   if (!cells->empty()) hooks.on_errors(*cells, run.step);
 }
 
-Status Trainer::Impl::EvaluateNow(bool observe) {
+// The weights are good also where their validation cannot be computed: a GPU that others fill, or a mistake of ours.
+Status Trainer::Impl::Measure() {
   const auto samples = data::SpreadFrames(*run.validation, data::Split::kValid, MixSeed({run.config.seed}, "valid"),
                                           run.config.eval.frames);
-  {
-    const AveragedWeights averaged(run);
-    auto& policy = run.replicas->front();
+  const AveragedWeights averaged(run);
+  auto& policy = run.replicas->front();
+  try {
     ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
                                                            run.scheduler->level(), run.config.data.batch));
     const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), NounsOf(*run.dataset));
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
+    return {};
+  } catch (const c10::OutOfMemoryError& error) {
+    return Fail(Code::kUnavailable, fmt::format("validate: {}", error.what_without_backtrace()));
+  } catch (const c10::Error& error) {
+    return Fail(Code::kInternal, fmt::format("validate: {}", error.what_without_backtrace()));
   }
+}
+
+Status Trainer::Impl::EvaluateNow(bool observe) {
+  ETUDE_RETURN_IF_ERROR(Measure());
   // before anything of it is kept: the state that a run is resumed from is the only one
-  if (!std::isfinite(run.evaluation.metrics["loss"]))
+  if ((bad_weights = !std::isfinite(run.evaluation.metrics["loss"])))
     return Fail(Code::kInternal,
                 fmt::format("the validation loss is not finite at step {}; nothing was saved, the last good "
                             "checkpoint is of step {}; try a lower optimizer.lr",
@@ -254,7 +266,7 @@ Status Trainer::Impl::Finish() {
   }
   // a stop drains at once; the limit also measures what was reached, and keeps it where it cannot be measured
   const Status measured = !stopped && run.evaluated_step != run.step ? EvaluateNow(false) : Status();
-  if (!measured && measured.error().code == Code::kInternal) return measured;
+  if (bad_weights) return measured;
   if (by_time) {
     ETUDE_RETURN_IF_ERROR(KeepSteps());
   } else if (run.checkpoint_step != run.step) {
@@ -306,8 +318,7 @@ Status Trainer::Impl::Loop() {
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
     Status made = TrainStep();
     if (made) made = AfterStep();
-    // weights that are no numbers are not kept
-    if (!made && made.error().code != Code::kInternal) return SaveAndEnd(made.error());
+    if (!made && !bad_weights) return SaveAndEnd(made.error());
     ETUDE_RETURN_IF_ERROR(made);
     ETUDE_RETURN_IF_ERROR(WatchSource());
   }

@@ -130,6 +130,20 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   EXPECT_EQ(progress.back().progress, 1.0);
 }
 
+// It says the hand anew for each sentence, asks demonstrated commands alone in its last stage, and is measured in all.
+TEST_F(TrainerTest, ThePapersGraphGoesThroughItsStagesAndIsMeasured) {
+  const TrainConfig config = TinyConfig({"policy=paper/faithful", "policy.image.crop=[2, 2, 44, 44]",
+                  "policy.image.layers=[{kind: conv, channels: 16, kernel: 5, stride: 2, norm: instance}]",
+                  "policy.width=32", "policy.precision=float32", "policy.tasks=[pick, push, put_down]", "steps=20",
+                  "eval.every_steps=4", "curriculum.latest_last=0.5", "curriculum.relabelled=before_last"});
+  ASSERT_EQ(config.policy.name, "paper/faithful");
+  const Status trained = Train(config, folder_ / "run");
+  ASSERT_TRUE(trained) << trained.error().message;
+  for (const char* metric :
+       {"LANG.accuracy", "EE2D.px", "EE3D.cm", "EE3D.deg", "TAR3D.cm", "TAR3D.deg", "DISP.cm", "CTRL.cm", "CTRL.deg"})
+    EXPECT_TRUE(Curve(folder_ / "run", "valid", metric).contains(20)) << metric;
+}
+
 Hooks Counting(int* saved) {
   Hooks hooks;
   hooks.on_checkpoint = [saved](const checkpoint::Checkpoint&) -> Status {
@@ -201,6 +215,17 @@ TEST_F(TrainerTest, KeepsWhatItLearnedWhereTheValidationCannotBeReadAnyMore) {
   EXPECT_THAT(status.error().message, HasSubstr("training stopped at step 3 and can be resumed"));
   EXPECT_THAT(status.error().message, HasSubstr("validation pictures"));
   EXPECT_TRUE(std::filesystem::exists(folder_ / "run" / "training_state.safetensors"));
+}
+
+TEST_F(TrainerTest, KeepsWhatItLearnedWhereAValidationThrows) {
+  const TrainConfig config = TinyConfig({"steps=100", "eval.every_steps=3", "checkpoint.every_steps=100"});
+  Hooks hooks;
+  hooks.on_errors = [](const std::vector<ErrorCell>&, std::uint64_t) { TORCH_CHECK(false, "the device is full"); };
+  const Status status = Train(config, folder_ / "run", false, hooks);
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("and can be resumed: validate: the device is full"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "run" / "training_state.safetensors"));
+  EXPECT_TRUE(Train(TinyConfig({"steps=20"}), folder_ / "run", true));
 }
 
 TEST_F(TrainerTest, RefusesToResumeAnotherArchitecture) {

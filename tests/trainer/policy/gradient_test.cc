@@ -7,6 +7,7 @@
 #include "services/spec/task_name.h"
 #include "tests/support/matchers.h"
 #include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/loss.h"
 #include "trainer/policy/names.h"
 #include "trainer/policy/parts.h"
 #include "trainer/policy/policy_file.h"
@@ -105,6 +106,28 @@ TEST_P(PolicyFiles, TrainEveryModule) {
     EXPECT_TRUE(std::ranges::any_of(policy->ParametersOf(encoder), [&](const auto& name) {
       return last.contains(name);
     })) << encoder;
+}
+
+// Several sentences are asked of a picture: a graph may say the hand anew for each of them, or the target for all.
+TEST_P(PolicyFiles, AreMeasuredInEveryModule) {
+  const PolicyConfig config = ReadSmall(GetParam());
+  const auto policy = MakePolicy(config, 2);
+  torch::manual_seed(6);
+  const torch::NoGradGuard no_grad;
+  const auto outputs = policy->Forward(InputsOf(config), policy->levels());
+  const Labels labels = LabelsOf(config);
+  for (const ModuleConfig& module : config.modules) {
+    const Quantity* quantity = QuantityOf(module);
+    if (quantity == nullptr) continue;
+    const Target target = FindTarget(labels, module.decoder.label());
+    ASSERT_TRUE(target.value.defined()) << module.name;
+    const auto metrics = quantity->Measure(HeadOf(config, module), outputs.at(module.name), target);
+    EXPECT_FALSE(metrics.empty()) << module.name;
+    for (const Metric& metric : metrics) {
+      EXPECT_NO_THROW(metric.valid.expand(metric.values.sizes())) << module.name << "." << metric.name;
+      EXPECT_TRUE(metric.values.to(torch::kFloat64).isfinite().all().item<bool>()) << module.name << metric.name;
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Compact, PolicyFiles,

@@ -48,6 +48,21 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
   EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/best.safetensors").value().metadata.step, 2u);
 }
 
+TEST(CheckpointSink, LeavesFilesOfOtherNamesToTheirOwner) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  auto sink = CheckpointSink::Open(folder.path(), {"demo", "", 1}, nullptr, 2);
+  ASSERT_TRUE(sink) << sink.error().message;
+  ASSERT_TRUE(sink->Save(checkpoint::ExampleCheckpoint(config, 1)));
+  for (const char* name : {"00000001-keep.safetensors", "good.safetensors"})
+    std::filesystem::copy_file(folder / "checkpoints/00000001.safetensors", folder / "checkpoints" / name);
+  for (std::uint64_t step = 2; step <= 5; ++step) ASSERT_TRUE(sink->Save(checkpoint::ExampleCheckpoint(config, step)));
+
+  EXPECT_EQ(Files(folder / "checkpoints"),
+            (std::set<std::string>{"00000001-keep.safetensors", "good.safetensors", "00000004.safetensors",
+                                   "00000005.safetensors", "latest.safetensors"}));
+}
+
 TEST(CheckpointSink, PublishesToLateJoinersAlsoAfterARestart) {
   const TemporaryFolder folder;
   const auto config = policy::TinyConfig();

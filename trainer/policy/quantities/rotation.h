@@ -20,8 +20,8 @@ torch::Tensor ToForm(const torch::Tensor& rotation_6d, const std::string& form);
 /// (..., 6) in `form` -> (..., 6) in 6D, columns of length 1 at right angles.
 torch::Tensor To6D(const torch::Tensor& values, const std::string& form);
 
-/// Angle between two rotations, degrees: (..., 6) in `form` and (..., 6) in 6D -> (...), broadcast: one hand may be said
-/// anew for each sentence, one target for all of them.
+/// Angle between two rotations, degrees: (..., 6) in `form` and (..., 6) in 6D -> (...), broadcast: one hand may be
+/// said anew for each sentence, one target for all of them.
 torch::Tensor AngleDegrees(const torch::Tensor& said, const std::string& form, const torch::Tensor& label_6d);
 
 /// The last dimension's columns [first, first + 6) replaced by `rotation`.

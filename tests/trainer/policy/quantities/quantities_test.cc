@@ -111,6 +111,28 @@ TEST(Quantities, TheLabelItselfIsTheBestAnswer) {
   }
 }
 
+// The hand is one thing for all sentences of a picture, and a graph may say it for each of them.
+TEST(Quantities, WhatIsSaidOfEachSentenceIsMeasuredByTheLabelOfThePicture) {
+  const Tensor origin = torch::zeros({2, 2});
+  torch::manual_seed(1);
+  for (const char* name : {"pixel", "position", "pose", "displacement"}) {
+    const Quantity& quantity = Named(name);
+    const auto width = quantity.label_shape().at(0);
+    const Tensor value = torch::rand({2, 1, width}), said = torch::rand({2, 3, width});
+    const Tensor valid = torch::ones({2, 1}, torch::kBool);
+    ModuleOutput output;
+    output.decoded[name] = said;
+    const Target once{value, valid}, each{value.expand({2, 3, width}), valid.expand({2, 3})};
+    const auto metrics = quantity.Measure({}, output, once), expected = quantity.Measure({}, output, each);
+    ASSERT_EQ(metrics.size(), expected.size());
+    for (std::size_t i = 0; i < metrics.size(); ++i)
+      EXPECT_TRUE(torch::allclose(metrics[i].values.expand({2, 3}), expected[i].values)) << name << metrics[i].name;
+    EXPECT_NEAR(quantity.Loss({}, {}, output, once, {origin, 8, 8}).item<double>(),
+                quantity.Loss({}, {}, output, each, {origin, 8, 8}).item<double>(), 1e-6)
+        << name;
+  }
+}
+
 TEST(Quantities, DecodeGivesBackWhatTheNetworkMeans) {
   ModuleOutput output;
   const Tensor from = torch::tensor({0.1F, 0.2F, 0.3F}).view({1, 1, 3}), zeros = torch::zeros({1, 1, 120});
