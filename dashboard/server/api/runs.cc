@@ -91,29 +91,37 @@ std::vector<std::string> Modules(const OrderedJson& config) {
   return names;
 }
 
+// How the errors of a quantity are shown: `figure` is its name in validations.
+struct ErrorShape {
+  const char *figure, *unit;
+  double scale;  // shown per unit of the file
+  bool from_accuracy;
+};
+
+// By what the module decodes: before its first validation nothing else tells.
+ErrorShape ShapeOf(const OrderedJson& config, const std::string& module) {
+  for (const auto& one : PartOf(PartOf(config, "policy"), "modules")) {
+    if (TextOf(one, "name") != module) continue;
+    const std::string quantity = TextOf(PartOf(one, "decoder"), "quantity");
+    if (quantity == "class" || quantity == "task") return {"accuracy", "-", 1, true};
+    if (quantity == "pixel") return {"px", "px", 1, false};
+  }
+  return {"cm", "cm", 100, false};
+}
+
 // A goal in the unit that is shown, and the figure of validation that it is held against.
 OrderedJson GoalJson(const sources::RunView& view, const std::string& module, double goal) {
-  struct Shape {
-    const char *figure, *unit;
-    double scale;  // shown per unit of the file
-    bool from_accuracy;
-  };
-  static constexpr Shape kShapes[] = {{"cm", "cm", 100, false}, {"px", "px", 1, false}, {"accuracy", "-", 1, true}};
-  OrderedJson json{{"module", module}, {"goal", goal},       {"value", nullptr},
-                   {"unit", "-"},      {"reached", nullptr}, {"key", nullptr}};
-  for (const auto& shape : kShapes) {
-    const std::string key = "valid/" + module + "." + shape.figure;
-    if (!view.metrics.series().contains(key)) continue;
-    json["goal"] = goal * shape.scale;
-    json["unit"] = shape.unit;
-    json["key"] = key;
-    const auto last = view.metrics.Last(key);
-    if (!last) return json;
-    const double value = shape.from_accuracy ? 1 - *last : *last;
-    json["value"] = value;
-    json["reached"] = value <= goal * shape.scale;
-    return json;
-  }
+  const ErrorShape shape = ShapeOf(view.config, module);
+  OrderedJson json{{"module", module},   {"goal", goal * shape.scale}, {"value", nullptr},
+                   {"unit", shape.unit}, {"reached", nullptr},         {"key", nullptr}};
+  const std::string key = "valid/" + module + "." + shape.figure;
+  if (!view.metrics.series().contains(key)) return json;
+  json["key"] = key;
+  const auto last = view.metrics.Last(key);
+  if (!last) return json;
+  const double value = shape.from_accuracy ? 1 - *last : *last;
+  json["value"] = value;
+  json["reached"] = value <= goal * shape.scale;
   return json;
 }
 

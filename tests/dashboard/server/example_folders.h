@@ -61,7 +61,7 @@ inline std::string MetricsText() {
 inline constexpr const char* kExampleConfig = R"(name: example
 steps: 200
 data: {batch: 32, sentences: 6}
-curriculum: {goals: {LANG: 0.01, TAR3D: 0.012}}
+curriculum: {goals: {LANG: 0.01, TAR3D: 0.012, CTRL: 0.015}}
 checkpoint: {every_steps: 50}
 policy:
   modules:

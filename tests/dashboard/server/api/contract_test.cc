@@ -231,6 +231,10 @@ TEST_F(ContractTest, SeriesHaveTheLinesNumbers) {
   EXPECT_EQ(run["goals"][1]["goal"], 1.2) << "m in the file, cm on the page";
   EXPECT_EQ(run["goals"][1]["reached"], true);
   EXPECT_EQ(run["goals"][0]["reached"], false);
+  ASSERT_EQ(run["goals"].size(), 3u);
+  EXPECT_EQ(run["goals"][2]["unit"], "cm") << "CTRL, which was not validated yet";
+  EXPECT_EQ(run["goals"][2]["goal"], 1.5);
+  EXPECT_TRUE(run["goals"][2]["value"].is_null());
 }
 
 TEST_F(ContractTest, CheckpointsAreHeadersAndFiles) {
