@@ -22,8 +22,8 @@ namespace {
 
 using internal::HdfWriter;
 
-// libhdf5 1.10 ends the program where a copy cannot be written (H5Ocopy, H5T_close_real): the room is taken before. What
-// of it is not needed goes when the file is closed. Where a file system cannot do that, it is left to chance.
+// libhdf5 1.10 ends the program where a copy cannot be written (H5Ocopy, H5T_close_real): the room is taken before.
+// What of it is not needed goes when the file is closed. Where a file system cannot do that, it is left to chance.
 Status TakeRoom(const Path& path, std::uint64_t bytes) {
   const Descriptor file(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
   struct stat info {};

@@ -49,13 +49,6 @@ Status WriteObject(const SolidObject& object, const Path& folder, std::uint64_t 
   std::filesystem::remove(folder / "object.yaml", error);
   if (error) return Fail(ErrnoError("remove", folder / "object.yaml", error.value()));
   ETUDE_ASSIGN_OR_RETURN(const auto texture, EncodePng(object.texture));
-  if (texture.size() > largest)
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("write object '{}': its picture of {} x {} px takes {} MB, and scenes read {} at most: make "
-                    "it smaller",
-                    object.facts.name, object.texture.width, object.texture.height, texture.size() >> 20,
-                    largest >> 20));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder / "texture.png", texture));
   ETUDE_RETURN_IF_ERROR(WriteMesh(folder / "visual.obj", object.visual, "texture.png"));
   for (int i = 0; i < object.facts.pieces; ++i)
@@ -66,6 +59,13 @@ Status WriteObject(const SolidObject& object, const Path& folder, std::uint64_t 
                 fmt::format("write object '{}': its mesh of {} faces takes {} MB, and scenes read {} at most: make it "
                             "coarser",
                             object.facts.name, object.facts.faces, bytes >> 20, largest >> 20));
+  if (texture.size() > largest)
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("write object '{}': its picture of {} x {} px takes {} MB, and scenes read {} at most: make "
+                    "it smaller",
+                    object.facts.name, object.texture.width, object.texture.height, texture.size() >> 20,
+                    largest >> 20));
   // last: a folder with object.yaml is whole
   return WriteFileAtomically(folder / "object.yaml", ToYaml(ToJson(object.facts)));
 }

@@ -132,7 +132,8 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
 
 // It says the hand anew for each sentence, asks demonstrated commands alone in its last stage, and is measured in all.
 TEST_F(TrainerTest, ThePapersGraphGoesThroughItsStagesAndIsMeasured) {
-  const TrainConfig config = TinyConfig({"policy=paper/faithful", "policy.image.crop=[2, 2, 44, 44]",
+  const TrainConfig config =
+      TinyConfig({"policy=paper/faithful", "policy.image.crop=[2, 2, 44, 44]",
                   "policy.image.layers=[{kind: conv, channels: 16, kernel: 5, stride: 2, norm: instance}]",
                   "policy.width=32", "policy.precision=float32", "policy.tasks=[pick, push, put_down]", "steps=20",
                   "eval.every_steps=4", "curriculum.latest_last=0.5", "curriculum.relabelled=before_last"});
