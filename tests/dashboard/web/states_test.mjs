@@ -506,7 +506,8 @@ test('Dataset: while it is collected, a cell is held against the others and not 
 test('Inside: a dataset without an episode says so, and the first one that comes is asked about', async () => {
   const columns = (index) => Object.fromEntries(episodeColumns.map((name) => [name, index]));
   let there = [];
-  const graph = { run: 'r', modules: [], nodes: [], edges: [], levels: [], encoders: [] };
+  const node = { name: 'CTRL', level: 1, entity: 'ee', quantity: 'trajectory', reads: ['image'], query: '', attend: [], inputs: [], from: [], between: [], relative_to: '', detach: false, parameters: 1, error: null, trained_steps: null, stage: null, trained: false, frozen: false };
+  const graph = { checkpoint: null, architecture: null, inputs: ['image'], nodes: [node], edges: [{ from: 'image', to: 'CTRL', kind: 'register' }], columns: [['image'], ['CTRL']] };
   const answers = {
     '/home': await homeOf([source('run', 'r'), source('dataset', 'a')]), ...answersOf('r'), '/runs/r/graph': graph,
     '/datasets/a/episodes': () => ({ total: there.length, all: there.length, known: there.length, next: null, columns: columns(there) }),
