@@ -14,6 +14,8 @@ inline constexpr char kBest[] = "best";
 
 /// "00001500.safetensors".
 Path FileNameOf(std::uint64_t step);
+/// Whether FileNameOf makes such names: others in the folder are links, or the user's.
+bool IsFileName(const Path& name);
 
 /// FOLDER/latest.safetensors.
 Path LinkOf(const Path& folder, const std::string& channel);

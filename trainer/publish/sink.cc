@@ -160,16 +160,11 @@ Status CheckpointSink::Prune() const {
   std::error_code error;
   const Path best = fs::read_symlink(LinkOf(folder_, kBest), error);
   const Path latest = fs::read_symlink(LinkOf(folder_, kLatest), error);
-  // those of other names are the user's
-  const auto is_ours = [](const Path& name) {
-    const std::string step = name.stem().string();
-    return name.extension() == ".safetensors" && step.size() >= 8 &&
-           step.find_first_not_of("0123456789") == std::string::npos;
-  };
   std::vector<Path> files;
   for (const auto& item : fs::directory_iterator(folder_, error)) {
     const Path name = item.path().filename();
-    if (!item.is_symlink(error) && is_ours(name) && name != best && name != latest) files.push_back(item.path());
+    if (!item.is_symlink(error) && checkpoint::IsFileName(name) && name != best && name != latest)
+      files.push_back(item.path());
   }
   // `latest` is one of those kept
   std::sort(files.begin(), files.end());
