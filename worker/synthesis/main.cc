@@ -201,15 +201,18 @@ Status Gallery(const Arguments& arguments) {
   if (error) return Fail(ErrnoError("list", arguments.folder, error.value()));
   if (folders.empty()) return Fail(Code::kNotFound, fmt::format("'{}' has no objects", arguments.folder));
   std::sort(folders.begin(), folders.end());
-  std::vector<Tile> tiles;
+  std::vector<ObjectFacts> objects;
   // one scale for all, so that they can be compared
   ViewOptions view{.size = arguments.tile};
   for (const Path& folder : folders) {
-    ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
+    ETUDE_ASSIGN_OR_RETURN(ObjectFacts facts, ReadObjectFacts(folder));
     view.extent = std::max(view.extent, 1.3 * facts.size_m);
+    objects.push_back(std::move(facts));
   }
-  for (const Path& folder : folders) {
-    ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
+  std::vector<Tile> tiles;
+  for (std::size_t i = 0; i < folders.size(); ++i) {
+    const Path& folder = folders[i];
+    const ObjectFacts& facts = objects[i];
     ETUDE_ASSIGN_OR_RETURN(const FileMesh read, ReadMesh(folder / "visual.obj"));
     ETUDE_ASSIGN_OR_RETURN(const Texture texture, DecodePicture(read.picture, folder.string()));
     tiles.push_back(
