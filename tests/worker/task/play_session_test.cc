@@ -80,15 +80,21 @@ TEST(PlaySession, ASentenceInAFreshSceneIsTheRolloutThatAnEvaluationMakes) {
   EXPECT_FALSE(session->answer().waypoints.empty());
 }
 
+// Episode 0 as the expert demonstrates it.
+Episode DemonstrationOf(const CampaignSpec& spec) {
+  auto runner = AttemptRunner::Open(spec);
+  EXPECT_TRUE(runner) << runner.error().message;
+  auto demonstration = runner->Demonstrate(0, 0).value();
+  EXPECT_EQ(demonstration.outcome, AttemptOutcome::kSuccess) << demonstration.reason;
+  return std::move(demonstration.episode);
+}
+
 TEST(PlaySession, GoesOnInTheSameSceneAndComesHomeFirst) {
   const CampaignSpec spec = SpecOf("pick");
-  auto runner = AttemptRunner::Open(spec);
-  ASSERT_TRUE(runner);
-  const auto demonstration = runner->Demonstrate(0, 0).value();
-  ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess);
   auto session = Open(spec);
+  const Episode demonstration = DemonstrationOf(spec);
+  const Playback playback(demonstration, spec.rollout.replan_steps);
   const Pose home = session->world().X_WE();
-  const Playback playback(demonstration.episode, spec.rollout.replan_steps);
   ASSERT_TRUE(session->Say(SentenceOf(session->plan()), playback, nullptr));
   ASSERT_GT((session->world().X_WE().p - home.p).norm(), 0.05);
   bool homing = false;
@@ -120,15 +126,12 @@ policy::AskFunction Over(const PlaySession& session, const Eigen::Vector3d& plac
 
 TEST(PlaySession, OnTheWayHomeWhatIsHeldIsNotPressedOntoWhatStandsUnderIt) {
   const CampaignSpec spec = SpecOf("pick");
-  auto runner = AttemptRunner::Open(spec);
-  ASSERT_TRUE(runner);
-  const auto demonstration = runner->Demonstrate(0, 0).value();
-  ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess);
   auto session = Open(spec);
+  const Episode demonstration = DemonstrationOf(spec);
+  const Playback playback(demonstration, spec.rollout.replan_steps);
   // lower than a hand lifts
   const std::string target = session->plan().target, other = target == "bread" ? "cube" : "bread";
-  ASSERT_TRUE(
-      session->Say(SentenceOf(session->plan()), Playback(demonstration.episode, spec.rollout.replan_steps), nullptr));
+  ASSERT_TRUE(session->Say(SentenceOf(session->plan()), playback, nullptr));
   ASSERT_TRUE(session->world().Grasped(target));
   // judged by nobody, who would say that it is done as it begins
   const Sentence over{.text = "over there", .max_steps = 900, .home = false};
