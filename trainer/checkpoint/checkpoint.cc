@@ -7,6 +7,7 @@
 #include "trainer/checkpoint/schema.h"
 #include "trainer/checkpoint/sizes.h"
 #include "trainer/checkpoint/tensors.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::checkpoint {
 
@@ -56,7 +57,7 @@ Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint
     policy->eval();
     return policy;
   } catch (const c10::Error& error) {
-    return Fail(Code::kCorrupt, fmt::format("checkpoint: {}", error.what_without_backtrace()));
+    return Fail(policy::TorchError("checkpoint", error, Code::kCorrupt));
   }
 }
 

@@ -21,6 +21,7 @@
 #include "trainer/policy/device.h"
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/names.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::checkpoint {
 namespace {
@@ -215,7 +216,7 @@ Result<std::string> ToTorchScript(const Checkpoint& checkpoint) {
   try {
     return Write(*policy, metadata);
   } catch (const std::exception& error) {  // of torch
-    return Fail(Code::kInternal, context(error.what()));
+    return Fail(policy::TorchError(context("torch"), error));
   }
 }
 

@@ -5,9 +5,9 @@
 #include <pthread.h>
 
 #include <exception>
-#include <new>
 
 #include "trainer/learn/tensors.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::learn {
 
@@ -48,12 +48,8 @@ void Replicas::RunPart(std::size_t replica) {
     // frozen parts alone, or modules whose labels this part of the batch lacks: nothing to learn from it
     if (loss.total.requires_grad()) loss.total.backward();
     losses_[replica] = {loss.total.item<double>(), loss.terms};
-  } catch (const c10::OutOfMemoryError& error) {
-    errors_[replica] = {Code::kUnavailable, error.what_without_backtrace()};
-  } catch (const std::bad_alloc& error) {
-    errors_[replica] = {Code::kUnavailable, error.what()};
   } catch (const std::exception& error) {
-    errors_[replica] = {Code::kInternal, error.what()};
+    errors_[replica] = policy::TorchError("forward and backward", error);
   }
 }
 
@@ -97,7 +93,7 @@ Result<BatchLoss> Replicas::Backward(data::Batch& batch, int level) {
   AwaitOthers();
   BatchLoss mean;
   for (std::size_t r = 0; r < policies_.size(); ++r) {
-    if (!errors_[r].message.empty()) return Fail(errors_[r].Wrap("forward and backward"));
+    if (!errors_[r].message.empty()) return Fail(errors_[r]);
     mean.total += losses_[r].total / size();
     for (const auto& [name, value] : losses_[r].terms) mean.terms[name] += value / size();
   }

@@ -151,7 +151,8 @@ Token GraphModule::TokenOf(const std::string& name, const Context& context) {
 
 Token GraphModule::ImageToken(const Tokens& tokens) {
   if (own_image_ == nullptr) return tokens.image;
-  const Tensor seen = own_image_->Forward(tokens.picture, tokens.crop_origin);
+  const Tensor seen =
+      own_image_->Forward(tokens.picture, tokens.crop_origin).to(normalization_.joint_mean.scalar_type());
   return {seen, seen};
 }
 

@@ -155,7 +155,7 @@ torch::Tensor ImageEncoder::IndexTokens(const torch::Tensor& features) {
   const torch::Tensor place =
       torch::matmul(torch::stack({column, row}, -1), position_->weight.narrow(1, width, 2).t()) + position_->bias;
   const torch::Tensor mapped = torch::nn::functional::linear(narrow, position_->weight.narrow(1, 0, width).to(type));
-  return torch::relu(mapped.to(place.scalar_type()) + place);
+  return torch::relu(mapped.to(place.scalar_type()) + place).to(type);
 }
 
 }  // namespace etude::policy

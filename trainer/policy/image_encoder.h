@@ -28,7 +28,7 @@ class ImageEncoder : public torch::nn::Module {
   ImageEncoder(const ImageConfig& config, int width, const std::string& precision);
   /// @param images       (B, 3, h, w) uint8
   /// @param crop_origin  (B, 2) px
-  /// @returns (B, P, d) float32
+  /// @returns (B, P, d): with fourier positions float32, with index positions in the type of the convolutions
   torch::Tensor Forward(const torch::Tensor& images, const torch::Tensor& crop_origin);
   const TokenGrid& grid() const { return grid_; }
 

@@ -50,7 +50,9 @@ TokenHead::TokenHead(int inputs, int outputs, std::string activation)
       activation_(std::move(activation)) {}
 
 torch::Tensor TokenHead::Forward(const torch::Tensor& x) {
-  return Activate(norm_->Forward(linear_->forward(x)), activation_);
+  const auto type = x.scalar_type();
+  const torch::Tensor mapped = torch::linear(x, linear_->weight.to(type), linear_->bias.to(type));
+  return Activate(norm_->Forward(mapped), activation_);
 }
 
 NormRelu::NormRelu(int channels, Kind kind) : kind_(kind) {

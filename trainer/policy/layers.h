@@ -37,8 +37,8 @@ class Mlp : public torch::nn::Module {
   Output output_;
 };
 
-/// Linear + LayerNorm + activation: the paper's maps from tokens and slots to queries, keys and
-/// values.
+/// Linear + LayerNorm + activation: the paper's maps from tokens and slots to queries, keys and values. The linear map
+/// is computed in the type of what it reads, the rest and the result in float32.
 class TokenHead : public torch::nn::Module {
  public:
   TokenHead(int inputs, int outputs, std::string activation);

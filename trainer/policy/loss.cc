@@ -86,8 +86,10 @@ Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form
       add(map.select(-1, image ? tokens + key - 1 : key));
       continue;
     }
-    const Target target = FindTarget(labels, entity + ".pixel");
+    Target target = FindTarget(labels, entity + ".pixel");
     if (!target.value.defined()) return {};
+    // the demonstrated sentence's, which comes first, where the module was asked about no other
+    if (map.size(1) == 1) target = {target.value.narrow(1, 0, 1), target.valid.narrow(1, 0, 1)};
     const Tensor on_image = map.narrow(-1, 0, tokens);
     if (log && module.attend.size() == 1) {
       const Patches patches = PatchesOf(target, view, true, [&](const Tensor& pixel) {

@@ -16,6 +16,7 @@
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/loss.h"
 #include "trainer/policy/parts.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::policy {
 namespace {
@@ -253,7 +254,7 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const
     impl->senses = std::move(senses);
     return std::shared_ptr<Policy>(new Policy(std::move(impl)));
   } catch (const c10::Error& error) {
-    return Fail(Code::kInternal, fmt::format("build policy '{}': {}", config.name, error.what_without_backtrace()));
+    return Fail(TorchError(fmt::format("build policy '{}'", config.name), error));
   }
 }
 
@@ -315,6 +316,7 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
     tokens.joint_token = joints_norm->Forward(joint_token);
     tokens.joints = {tokens.joint_token, tokens.joint_token};
     tokens.language = {tokens.sentence, tokens.sentence};
+    if (picture.defined()) picture = picture.to(normalization.joint_mean.scalar_type());  // attention would lose digits
     tokens.image = {picture, picture};
   }
   return tokens;

@@ -7,6 +7,7 @@
 
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
+#include "trainer/policy/torch_error.h"
 #include "trainer/policy/what_if.h"
 #include "trainer/policy/worth.h"
 #include "trainer/serve/model.h"
@@ -101,7 +102,7 @@ bus::Insight Model::Inspect(const bus::Observation& observation, const std::stri
     if (const Status done = InspectInto(observation, what_if_json, insight); !done)
       insight.error = done.error().message;
   } catch (const std::exception& error) {
-    insight.error = fmt::format("look into the policy: {}", error.what());
+    insight.error = policy::TorchError("look into the policy", error).message;
   }
   return insight;
 }

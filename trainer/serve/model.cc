@@ -14,6 +14,7 @@
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
 #include "trainer/policy/names.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::serve {
 namespace {
@@ -59,8 +60,7 @@ Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8
   try {
     model->policy_->to(device);
   } catch (const c10::Error& error) {
-    return Fail(Code::kUnavailable,
-                fmt::format("put the policy on {}: {}", device.str(), error.what_without_backtrace()));
+    return Fail(policy::TorchError(fmt::format("put the policy on {}", device.str()), error, Code::kUnavailable));
   }
   model->metadata_ = std::move(made.metadata);
   if (cameras == Cameras::kAny) {
@@ -167,7 +167,8 @@ bus::Action Model::Answer(const bus::Observation& observation) const {
       action.error = "the policy's answer is not finite";
     if (!action.error.empty()) action.refusal = bus::Refusal::kFailed;
   } catch (const std::exception& error) {
-    action.error = fmt::format("evaluate the policy: {}", error.what());  // a device's memory may be there again later
+    action.error =
+        policy::TorchError("evaluate the policy", error).message;  // a device's memory may be there again later
   }
   if (!action.error.empty()) action.waypoints.clear();
   return action;

@@ -36,8 +36,8 @@ TEST(LoadTrainConfig, ReadsTheShippedExperimentsWithTheirPolicies) {
   }
 }
 
-// one graph, two image encoders
-TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoder) {
+// one graph, two image encoders; what decoders cost is weighed otherwise against attention, which costs the same
+TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoderAndDecodersWeights) {
   const auto faithful = LoadTrainConfig("faithful", kExperiments, {});
   const auto paper = LoadTrainConfig("paper", kExperiments, {});
   ASSERT_TRUE(faithful) << faithful.error().message;
@@ -47,6 +47,8 @@ TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoder) {
     (*policy)["image"].erase("layers");
     policy->erase("name");
   }
+  for (auto& [name, cost] : theirs["losses"].items())
+    if (name != "attention" && name != "class") cost["weight"] = 300 * cost["weight"].get<double>();
   EXPECT_EQ(ours, theirs);
   for (const auto& layer : faithful->policy.image.layers) EXPECT_LE(layer.channels, 32);
   for (const auto& config : {*faithful, *paper}) {

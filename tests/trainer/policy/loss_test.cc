@@ -52,6 +52,18 @@ std::vector<double> ScalarTarget(double u, double v) {
   return weights;
 }
 
+// a trajectory's module is evaluated for the demonstrated sentence, and the other ones' objects are not its
+TEST(AttentionLoss, OfOneSentenceIsToThatOnesLabel) {
+  for (const char* kind : {"log", "mse"}) {
+    LossCase c;
+    const Tensor all = c.Attend(kind).loss;
+    c.output.attention = c.output.attention.narrow(1, 0, 1);
+    const Tensor first = c.Attend(kind).loss;
+    ASSERT_EQ(first.sizes(), (std::vector<std::int64_t>{2, 1})) << kind;
+    EXPECT_TRUE(torch::equal(first, all.narrow(1, 0, 1))) << kind;
+  }
+}
+
 TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
   LossCase c;
   const Masked masked = c.Attend("log");
