@@ -100,7 +100,23 @@ tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data:
 
 }  // namespace
 
+namespace {
+
+// Of what is there, a snapshot says it; what is to come is known from the campaign alone.
+Status CheckOneRobot(const data::Dataset& dataset) {
+  for (std::size_t folder = 0; folder < dataset.folders(); ++folder)
+    if (const auto& robots = dataset.spec(folder).robots; robots.size() > 1)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("train on '{}' while it grows: its campaign has the robots {}, and a policy drives one: "
+                              "collect a dataset for each",
+                              dataset.path(folder).string(), fmt::join(robots, ", ")));
+  return {};
+}
+
+}  // namespace
+
 Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitOptions& options) {
+  if (options.follow) ETUDE_RETURN_IF_ERROR(CheckOneRobot(dataset));
   if (options.follow)
     for (const char* split : {"train", "valid"})
       if (Planned(dataset, split) == 0)

@@ -48,6 +48,18 @@ class Sums {
   std::map<std::string, Sum> sums_;
 };
 
+// As the policy is used, not as it is trained; also where torch throws.
+class Evaluating {
+ public:
+  explicit Evaluating(policy::Policy& policy) : policy_(policy) { policy_.eval(); }
+  ~Evaluating() { policy_.train(); }
+  Evaluating(const Evaluating&) = delete;
+  Evaluating& operator=(const Evaluating&) = delete;
+
+ private:
+  policy::Policy& policy_;
+};
+
 // what its quantity measures
 void AddDecoder(const policy::PolicyConfig& config, const policy::ModuleConfig& module,
                 const policy::ModuleOutput& output, const policy::Labels& labels, Sums& sums) {
@@ -209,7 +221,7 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   const auto* task = LanguageModule(config, "command.task");
   if (!object && !task) return {};
   const torch::NoGradGuard no_grad;
-  policy.eval();
+  const Evaluating evaluating(policy);
   std::map<std::string, double> metrics;
   const auto note = [&](const policy::ModuleConfig* module, const std::string& what, const auto& accuracy) {
     if (accuracy) metrics[module->name + "." + what] = *accuracy;
@@ -221,7 +233,6 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
         what != "phrases" || std::ranges::any_of(tasks, [](const auto& text) { return text.starts_with("push"); });
     if (task && of_these) note(task, what, Accuracy(policy, *task, asked.sentences, asked.tasks, config.tasks));
   }
-  policy.train();
   return metrics;
 }
 
@@ -247,7 +258,7 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
   const auto& samples = set.samples;
   if (samples.empty()) return Fail(Code::kNotFound, "evaluate: the validation split has no frames");
   const torch::NoGradGuard no_grad;
-  policy.eval();
+  const Evaluating evaluating(policy);
   data::Batch arrays;
   data::FrameScratch scratch;
   Status status;
@@ -263,7 +274,6 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
     const Part part = PartOf(arrays, 0, arrays.size, policy.device());
     visit(chunk, part, policy.Forward(part.inputs, set.level));
   }
-  policy.train();
   if (!status) return Fail(status.error().Wrap("evaluate"));
   if (visited == 0)
     return Fail(Code::kUnavailable, fmt::format("evaluate: none of {} validation pictures can be read", unreadable));

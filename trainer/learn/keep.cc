@@ -16,6 +16,7 @@
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
 #include "trainer/policy/parts.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::learn {
 namespace {
@@ -106,18 +107,32 @@ Status KeepConfig(TrainingRun& run) {
                      [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(config)); });
 }
 
+namespace {
+
+Status KeepState(TrainingRun& run) {
+  return WriteOrWait(run, "the state that --resume needs",
+                     [&] { return SaveRunState(run.options.out / kRunStateFile, StateOf(run)); });
+}
+
+}  // namespace
+
 Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
-  if (hooks.on_checkpoint) {
-    const AveragedWeights averaged(run);
-    const checkpoint::Checkpoint made{MetadataOf(run, best), run.replicas->front().StateTensors()};
-    const Status sent =
-        WriteOrWait(run, fmt::format("the checkpoint of step {}", run.step), [&] { return hooks.on_checkpoint(made); });
-    if (!sent) return Fail(sent.error().Wrap(fmt::format("checkpoint of step {}", run.step)));
+  const std::string what = fmt::format("checkpoint of step {}", run.step);
+  try {
+    if (hooks.on_checkpoint) {
+      const AveragedWeights averaged(run);
+      const checkpoint::Checkpoint made{MetadataOf(run, best), run.replicas->front().StateTensors()};
+      const Status sent = WriteOrWait(run, "the " + what, [&] { return hooks.on_checkpoint(made); });
+      if (!sent) return Fail(sent.error().Wrap(what));
+    }
+  } catch (const c10::Error& error) {
+    // averaged weights need a few batches more; what was learned needs none
+    ETUDE_RETURN_IF_ERROR(KeepState(run));
+    return Fail(policy::TorchError(what, error));
   }
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
-  return WriteOrWait(run, "the state that --resume needs",
-                     [&] { return SaveRunState(run.options.out / kRunStateFile, StateOf(run)); });
+  return KeepState(run);
 }
 
 AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {
@@ -125,10 +140,18 @@ AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {
   const torch::NoGradGuard no_grad;
   for (const auto& [name, buffer] : RunningStatistics(run_.replicas->front())) own_[name] = buffer.clone();
   run_.optimizer->ExchangeAverage();
-  if (!own_.empty()) Measure();
+  if (own_.empty()) return;
+  try {
+    Measure();
+  } catch (...) {  // memory that ran out: no destructor comes after it
+    GiveBack();
+    throw;
+  }
 }
 
-AveragedWeights::~AveragedWeights() {
+AveragedWeights::~AveragedWeights() { GiveBack(); }
+
+void AveragedWeights::GiveBack() {
   if (!run_.optimizer->averages()) return;
   const torch::NoGradGuard no_grad;
   run_.optimizer->ExchangeAverage();

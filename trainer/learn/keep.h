@@ -32,6 +32,7 @@ class AveragedWeights {
 
  private:
   void Measure();
+  void GiveBack();
 
   TrainingRun& run_;
   std::map<std::string, torch::Tensor> own_;  ///< running statistics of the raw weights

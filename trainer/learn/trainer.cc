@@ -15,6 +15,7 @@
 #include "trainer/learn/report.h"
 #include "trainer/learn/run.h"
 #include "trainer/policy/names.h"
+#include "trainer/policy/torch_error.h"
 
 namespace etude::learn {
 namespace {
@@ -163,19 +164,17 @@ void Trainer::Impl::TellErrors(policy::Policy& policy) {
 Status Trainer::Impl::Measure() {
   const auto samples = data::SpreadFrames(*run.validation, data::Split::kValid, MixSeed({run.config.seed}, "valid"),
                                           run.config.eval.frames);
-  const AveragedWeights averaged(run);
   auto& policy = run.replicas->front();
   try {
+    const AveragedWeights averaged(run);
     ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
                                                            run.scheduler->level(), run.config.data.batch));
     const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), NounsOf(*run.dataset));
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
     return {};
-  } catch (const c10::OutOfMemoryError& error) {
-    return Fail(Code::kUnavailable, fmt::format("validate: {}", error.what_without_backtrace()));
   } catch (const c10::Error& error) {
-    return Fail(Code::kInternal, fmt::format("validate: {}", error.what_without_backtrace()));
+    return Fail(policy::TorchError("validate", error));
   }
 }
 
@@ -311,6 +310,7 @@ Status Trainer::Impl::Loop() {
   run.config.steps = run.limit.steps();
   run.config.minutes = run.limit.minutes();
   ETUDE_RETURN_IF_ERROR(KeepConfig(run));
+  if (hooks.has_checkpoint && !hooks.has_checkpoint(run.checkpoint_step)) run.checkpoint_step = 0;
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
   run.watch.Restart();
   run.waited = 0;
@@ -342,7 +342,7 @@ Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config, std:
     ETUDE_ASSIGN_OR_RETURN(auto run, BuildRun(config, std::move(dataset), options));
     return std::unique_ptr<Trainer>(new Trainer(std::unique_ptr<Impl>(new Impl{std::move(run), hooks})));
   } catch (const c10::Error& error) {
-    return Fail(Code::kInternal, fmt::format("build the policy: {}", error.what_without_backtrace()));
+    return Fail(policy::TorchError("build the policy", error));
   }
 }
 
@@ -351,7 +351,7 @@ Status Trainer::Run() {
     try {
       return impl_->Loop();
     } catch (const c10::Error& error) {
-      return Fail(Code::kInternal, fmt::format("train: {}", error.what_without_backtrace()));
+      return Fail(policy::TorchError("train", error));
     }
   }());
 }

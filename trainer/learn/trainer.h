@@ -46,6 +46,9 @@ struct Hooks {
   std::function<void(const Progress&)> on_progress;  ///< about once a second, and at the end
   /// After a validation, where the policy errs, and the step. Left out: it is not measured.
   std::function<void(const std::vector<ErrorCell>&, std::uint64_t step)> on_errors = nullptr;
+  /// Whether the checkpoint that was made at a step is still there: a resumed run makes one that is not. Left out: it
+  /// is.
+  std::function<bool(std::uint64_t step)> has_checkpoint = nullptr;
 };
 
 struct RunOptions {

@@ -150,6 +150,11 @@ Result<Kept> CheckpointSink::Save(const checkpoint::Checkpoint& made) {
   return kept;
 }
 
+bool CheckpointSink::Has(std::uint64_t step) const {
+  std::error_code error;
+  return fs::exists(folder_ / checkpoint::FileNameOf(step), error);
+}
+
 void CheckpointSink::AwaitSubscribers() {
   constexpr std::chrono::seconds kPatience{30};
   if (publisher_ && !publisher_->AwaitTaken(StopRequested() ? std::chrono::seconds(3) : kPatience))

@@ -48,6 +48,8 @@ class CheckpointSink {
   /// Under this run's name. Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
   /// does not take it is logged, not an error: the file is there and the next one will be tried.
   Result<Kept> Save(const checkpoint::Checkpoint& made);
+  /// Whether the one of `step` is in the folder: files are the user's to remove.
+  bool Has(std::uint64_t step) const;
   /// Until those who follow the run have what was published, for half a minute at most; what they have not is logged.
   void AwaitSubscribers();
   std::uint64_t published() const { return published_; }

@@ -60,6 +60,19 @@ TEST(AwaitData, RefusesACampaignThatPlansNothingToValidateOn) {
   EXPECT_THAT(waited.error().message, HasSubstr("no episode of split 'valid'"));
 }
 
+// its first episodes may all be of the first robot
+TEST(AwaitData, RefusesACampaignOfSeveralRobotsBeforeItWaits) {
+  const TemporaryFolder folder;
+  auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.robots = {"ur5", "jaco2"};
+  AddSyntheticEpisodes(folder / "d", spec, 0, 2);
+  const auto dataset = data::Dataset::Open(std::vector<Path>{folder / "d"});
+  ASSERT_TRUE(dataset) << dataset.error().message;
+  const Status waited = AwaitData(**dataset, TinyConfig(), {.follow = true});
+  EXPECT_THAT(waited, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(waited, MessageHas("ur5, jaco2"));
+}
+
 TEST(AwaitData, WaitsForBothSplits) {
   const TemporaryFolder folder;
   const auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);

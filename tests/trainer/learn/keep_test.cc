@@ -125,6 +125,26 @@ TEST_F(KeepTest, ACheckpointSaysWhatEachModuleHasBehindIt) {
   ASSERT_EQ(again->validation->episodes().size(), run->validation->episodes().size());
 }
 
+// averaged weights take memory that may not be there; what was learned is saved all the same
+TEST_F(KeepTest, TheStateIsKeptWhereTheCheckpointCannotBeComputed) {
+  auto run = Build({"steps=30"});
+  ASSERT_NE(run, nullptr);
+  run->step = 17;
+  Hooks hooks;
+  hooks.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status {
+    (void)torch::empty({std::int64_t{1} << 50});
+    return {};
+  };
+  const Status kept = KeepNow(*run, hooks, false);
+  ASSERT_FALSE(kept);
+  EXPECT_EQ(kept.error().code, Code::kUnavailable);
+  EXPECT_THAT(kept.error().message, HasSubstr("checkpoint of step 17: out of memory"));
+  const auto again = Build({"steps=30"}, true);
+  ASSERT_NE(again, nullptr);
+  EXPECT_EQ(again->step, 17u);
+  EXPECT_EQ(again->checkpoint_step, 0u);
+}
+
 TEST_F(KeepTest, ARunDoesNotGoOnWithAnotherRobotOrCamera) {
   auto run = Build({"steps=30"});
   ASSERT_NE(run, nullptr);

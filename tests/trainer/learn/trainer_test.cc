@@ -46,6 +46,28 @@ TEST_F(TrainerTest, ResumesBitForBit) {
   EXPECT_EQ(a, b);
 }
 
+// whoever frees a disk of checkpoints has them again from the state that --resume needs
+TEST_F(TrainerTest, ResumedAtItsEndMakesTheCheckpointThatIsNotThere) {
+  const TrainConfig config = TinyConfig({"steps=20", "ema=0.9"});
+  ASSERT_TRUE(Train(config, folder_ / "run"));
+  bool there = true;
+  std::vector<std::uint64_t> kept;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& made) -> Status {
+    kept.push_back(made.metadata.step);
+    return {};
+  };
+  hooks.has_checkpoint = [&](std::uint64_t step) {
+    EXPECT_EQ(step, 20u);
+    return there;
+  };
+  ASSERT_TRUE(Train(config, folder_ / "run", true, hooks));
+  EXPECT_TRUE(kept.empty());
+  there = false;
+  ASSERT_TRUE(Train(config, folder_ / "run", true, hooks));
+  EXPECT_EQ(kept, std::vector<std::uint64_t>{20});
+}
+
 TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
   const TrainConfig config = TinyConfig({"steps=60", "checkpoint.every_steps=30"});
   ASSERT_TRUE(Train(config, folder_ / "run"));

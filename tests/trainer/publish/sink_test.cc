@@ -61,6 +61,8 @@ TEST(CheckpointSink, LeavesFilesOfOtherNamesToTheirOwner) {
   EXPECT_EQ(Files(folder / "checkpoints"),
             (std::set<std::string>{"00000001-keep.safetensors", "good.safetensors", "00000004.safetensors",
                                    "00000005.safetensors", "latest.safetensors"}));
+  EXPECT_TRUE(sink->Has(5));
+  EXPECT_FALSE(sink->Has(3));
 }
 
 TEST(CheckpointSink, PublishesToLateJoinersAlsoAfterARestart) {
