@@ -4,20 +4,20 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <optional>
+#include <utility>
 
-#include "services/bus/directory.h"
-#include "services/bus/topic.h"
-#include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/policy/insight_stream.h"
 #include "trainer/serve/insight_text.h"
 
 namespace etude::serve {
 namespace {
 
-using namespace std::chrono_literals;
+constexpr std::chrono::milliseconds kLook{50};  // between two looks for what came
 
 Status AddHidden(const std::string& text, OrderedJson& what_if) {
   const auto rectangle = ParseBoundedJson("[" + text + "]");
@@ -47,14 +47,25 @@ Status AddThought(const std::string& text, OrderedJson& what_if) {
   return {};
 }
 
-Result<std::optional<bus::Presence>> WaitForServer(const bus::Participant& participant, const Selector& run) {
-  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
-  while (!StopRequested()) {
-    ETUDE_ASSIGN_OR_RETURN(auto found, directory.Find(bus::PresenceKind::kPolicy, run, 1s));
-    if (found) return found;
+// Says which server is looked into, and when it is none or another one.
+class ServerLog {
+ public:
+  explicit ServerLog(const Selector& run) : run_(run) { Waiting(); }
+  void Note(const std::optional<bus::Presence>& server) {
+    const std::string id = server ? server->id : "";
+    if (id == id_) return;
+    id_ = id;
+    if (server)
+      Log().info("looking into {}@{} on {}", server->name, server->id, server->host);
+    else
+      Waiting();
   }
-  return std::optional<bus::Presence>();
-}
+
+ private:
+  void Waiting() { Log().info("waiting for the policy server of run {}", run_.text()); }
+  const Selector& run_;
+  std::string id_;
+};
 
 void Print(const bus::Insight& insight, bool as_json) {
   if (as_json)
@@ -80,37 +91,23 @@ Result<std::string> WhatIfOf(const WatchOptions& options) {
 Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   bus::InsightWish wish;
   ETUDE_ASSIGN_OR_RETURN(wish.what_if_json, WhatIfOf(options));
-  Log().info("waiting for the policy server of run {}", options.run.text());
-  ETUDE_ASSIGN_OR_RETURN(const auto server, WaitForServer(participant, options.run));
-  if (!server) return {};
-  const std::string partition = bus::Owner{server->name, server->id}.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto wishes, bus::Writer<bus::InsightWish>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto insights, bus::Reader<bus::Insight>::Open(participant, partition));
-  wish.run = server->name;
-  wish.run_id = server->id;
   wish.viewer = "watch-" + NewId();
   wish.session = options.session;
-  wish.seconds = bus::kWishStands;
-  (void)wishes.WaitForReaders(1, 10s);
-  auto again = MonotonicClock::now();
+  ETUDE_ASSIGN_OR_RETURN(auto stream, policy::InsightStream::Open(participant, options.run, std::move(wish)));
+  ServerLog log(options.run);
   const auto wanted = [&](std::uint64_t seen) { return options.count == 0 || seen < options.count; };
   // an error of stdout: nobody reads on
-  for (std::uint64_t seen = 0; !StopRequested() && wanted(seen) && std::ferror(stdout) == 0;) {
-    if (MonotonicClock::now() >= again) {
-      ETUDE_RETURN_IF_ERROR(wishes.Write(wish));
-      again = MonotonicClock::now() + std::chrono::seconds(bus::kWishAgain);
-    }
-    if (!insights.Wait(200ms)) continue;
-    for (const auto& insight : insights.Take()) {
+  for (std::uint64_t seen = 0; !StopRequested() && wanted(seen) && std::ferror(stdout) == 0; WaitForStop(kLook)) {
+    ETUDE_ASSIGN_OR_RETURN(const auto insights, stream.Take());
+    log.Note(stream.server());
+    for (const auto& insight : insights) {
       if (!wanted(seen)) break;
-      if (insight.viewer != wish.viewer) continue;
       if (!insight.error.empty()) return Fail(Code::kInvalidArgument, Printable(insight.error));
       Print(insight, options.as_json);
       ++seen;
     }
   }
-  wish.seconds = 0;
-  return wishes.Write(wish);
+  return {};
 }
 
 }  // namespace etude::serve

@@ -26,6 +26,8 @@ struct WatchOptions {
 /// The wish's what-if text. @error kInvalidArgument: an option that cannot be read
 Result<std::string> WhatIfOf(const WatchOptions& options);
 
+/// Until a stop request, `count` or an error of stdout. A server that goes is waited for, and another one that the name
+/// means by then is looked into.
 /// @error kInvalidArgument: the name means several servers; an insight that is an error
 Status Watch(const bus::Participant& participant, const WatchOptions& options);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/policy/insight_viewer.cc against a policy server by hand, over real DDS.
+// Tests services/policy/insight_stream.cc and insight_viewer.cc against a policy server by hand, over real DDS.
 #include "services/policy/insight_viewer.h"
 
 #include <gtest/gtest.h>
@@ -7,9 +7,11 @@
 #include <functional>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
+#include "services/policy/insight_stream.h"
 #include "tests/services/policy/policy_asker.h"
 #include "tests/support/matchers.h"
 
@@ -129,6 +131,44 @@ TEST_F(PolicyInsightViewer, GoesOnWithTheServerThatComesInItsPlace) {
   const auto insight = Await(viewer);
   ASSERT_TRUE(insight);
   EXPECT_EQ(insight->checkpoint_step, 9u);
+}
+
+TEST_F(PolicyInsightViewer, AStreamIsEverybodysAndSaysWhoseServerItIs) {
+  bus::InsightWish wish;
+  wish.viewer = "stream-one";
+  wish.what_if_json = R"({"worth":true})";
+  auto stream = InsightStream::Open(participant_, {.name = "view-stream", .id = ""}, wish).value();
+  const auto meet = [&](FakeServer& server) {
+    return Until([&] {
+      EXPECT_THAT(stream.Take(), IsOk());
+      return server.Wish() && server.Wish()->seconds > 0;
+    });
+  };
+  EXPECT_THAT(stream.Take(), IsOk());
+  EXPECT_FALSE(stream.server());
+  {
+    FakeServer server(participant_, "view-stream", kFirst);
+    ASSERT_TRUE(meet(server));
+    EXPECT_EQ(server.Wish()->session, "");
+    EXPECT_EQ(server.Wish()->what_if_json, wish.what_if_json);
+    server.Show("somebody else", "play-one", 1);
+    std::vector<std::uint64_t> steps;
+    const auto take = [&](std::size_t count) {
+      return Until([&] {
+        for (const auto& insight : stream.Take().value()) steps.push_back(insight.checkpoint_step);
+        return steps.size() == count;
+      });
+    };
+    server.Show("stream-one", "play-one", 2);
+    ASSERT_TRUE(take(1));
+    server.Show("stream-one", "play-two", 3);
+    ASSERT_TRUE(take(2));
+    EXPECT_EQ(steps, (std::vector<std::uint64_t>{2, 3}));
+    EXPECT_EQ(stream.server()->id, kFirst);
+  }
+  FakeServer server(participant_, "view-stream", kSecond);
+  ASSERT_TRUE(meet(server));
+  EXPECT_EQ(stream.server()->id, kSecond);
 }
 
 TEST_F(PolicyInsightViewer, TakesItsWishBack) {
