@@ -282,6 +282,17 @@ CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   return render;
 }
 
+// An episode of another spec, which a merge has numbered anew or an import brought, is no attempt of this one.
+Status CheckMadeHere(const Episode& episode, const CampaignSpec& spec, const std::string& dataset) {
+  if (episode.seed == EpisodeSeed(spec, episode.index, episode.attempt)) return {};
+  const auto from = episode.details.find("merged_from");
+  return Fail(Code::kInvalidArgument,
+              fmt::format("replay episode {} of '{}': {}", episode.index, dataset,
+                          from != episode.details.end()
+                              ? fmt::format("it was merged; replay it where it was made: {}", JsonText(*from))
+                              : "it was imported, and not made by this dataset's spec"));
+}
+
 // Of a campaign file, or of a dataset, whose failed attempts are then the ones its attempts.jsonl tells of, and whose
 // sampling journal says what was asked for.
 Status Replay(const Arguments& arguments) {
@@ -297,6 +308,8 @@ Status Replay(const Arguments& arguments) {
         "dataset '{}' was made by another version (content {}, here {}): what this one makes of its spec need "
         "not be the attempt that happened there",
         asked.file, reader.content_version(), kContentVersion);
+  if (const auto there = reader.Read(arguments.replay.index))
+    ETUDE_RETURN_IF_ERROR(CheckMadeHere(there->episode, reader.spec(), asked.file));
   ETUDE_ASSIGN_OR_RETURN(const auto journal, store::SamplingJournal::Open(asked.file, reader.spec()));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::WithOverrides(reader.spec(), asked.overrides));
   ReplayOptions replay = arguments.replay;

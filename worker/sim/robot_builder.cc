@@ -207,11 +207,15 @@ class Builder {
     return {};
   }
 
-  /// Unless the file couples the joint itself.
+  /// The joint's position in the model as it is written, MJCF's ref.
+  double Reference(int joint) const { return joint < 0 ? 0 : mj_->qpos0[mj_->jnt_qposadr[joint]]; }
+
+  /// Unless the file couples the joint itself. Either way MuJoCo couples what joints are away from their references.
   void Couple(const std::string& joint, double factor, const std::string& driven) {
-    Id(mjOBJ_JOINT, "joint", joint);
+    const double of_driven = Reference(mj_name2id(mj_, mjOBJ_JOINT, driven.c_str()));
+    const double offset = Reference(Id(mjOBJ_JOINT, "joint", joint)) - factor * of_driven;
     const std::string name = JointName(joint);
-    model_.coupled_joints.push_back({.joint = name, .factor = factor});
+    model_.coupled_joints.push_back({.joint = name, .factor = factor, .offset = offset});
     if (xml_.Equality().find(fmt::format("\"{}\"", name)) != std::string::npos) return;
     model_.equality += fmt::format(
         "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 {} 0 0 0\" solref=\"0.004 1\" "

@@ -62,7 +62,7 @@ struct RobotFile {
     std::vector<double> position{0, 0, 0};  ///< m, of the gripper file's world there: its root keeps its own pose in it
     std::vector<double> euler{0, 0, 0};     ///< rad, alike: roll, pitch, yaw
     std::string joint;                      ///< driven
-    std::map<std::string, double> coupled;  ///< joints that follow it, times this factor
+    std::map<std::string, double> coupled;  ///< joints that follow it, each from its `ref`, times this factor
     double open = 0, closed = 0;            ///< of the driven joint, rad or m
     double force = 0;                       ///< N m or N on the driven joint, > 0
     std::vector<std::vector<std::string>> fingers;  ///< groups of bodies
@@ -72,7 +72,7 @@ struct RobotFile {
       v("position", position, "m", "of that gripper file's world there, in which its root keeps its own pose");
       v("euler", euler, "rad", "of that gripper file's world there: roll, pitch, yaw");
       v("joint", joint, "", "joint that is driven");
-      v("coupled", coupled, "-", "joints that follow it, each by its factor");
+      v("coupled", coupled, "-", "joints that follow it, each by its factor (what both are away from their `ref`)");
       v("open", open, "rad or m", "of the driven joint");
       v("closed", closed, "rad or m", "of the driven joint");
       v("force", force, "N m or N", "on the driven joint, > 0");

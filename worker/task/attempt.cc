@@ -40,6 +40,23 @@ Status CheckTurns(const CampaignSpec& spec, const TaskName& task) {
   return {};
 }
 
+/// What a task's predicates name must stand in each scene: an attempt without it could only fail.
+Status CheckNamedObjects(const CampaignSpec& spec, const TaskName& task) {
+  const auto own = SceneNames(spec.objects);
+  const bool all = spec.objects_per_scene == 0 || spec.objects_per_scene == static_cast<int>(spec.objects.size());
+  for (const std::string& object : NamedObjects(*task.spec, own)) {
+    if (object == kObstacleObject && task.avoid == "obstacle") continue;
+    const bool listed = std::ranges::count(own, object) > 0;
+    if (listed && all) continue;
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("task '{}' speaks of '{}', {}", task.text(), object,
+                    listed ? "which objects_per_scene leaves out of some scenes: set it to 0, or use a reference"
+                           : "which is not among the campaign's objects: add it"));
+  }
+  return {};
+}
+
 }  // namespace
 
 struct AttemptRunner::Impl {
@@ -60,6 +77,12 @@ struct AttemptRunner::Impl {
   };
   std::list<Kept> kept;  ///< the one used last first
   std::function<void(std::string_view stage, int step)> progress;
+
+  /// Progress before there is a stage: a start in which the task can be done may be a long search.
+  std::function<void(int start)> Drawing() const {
+    if (!progress) return nullptr;
+    return [this](int start) { progress("start", start); };
+  }
 };
 
 Result<EpisodeEnvironment*> AttemptRunner::Impl::EnvironmentOf(const SceneSpec& scene) {
@@ -108,6 +131,7 @@ Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::R
   for (const auto& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec, SceneNames(spec.objects)));
+    ETUDE_RETURN_IF_ERROR(CheckNamedObjects(spec, task));
     ETUDE_RETURN_IF_ERROR(CheckTurns(spec, task));
   }
   auto impl = std::make_unique<Impl>(Impl{.spec = spec,
@@ -190,7 +214,7 @@ Result<AttemptResult> AttemptRunner::Demonstrate(std::uint64_t index, std::uint3
   SceneDraws draws;
   {
     const plan::Timer watch(preparing.step);
-    draws = in.Prepare(plan, impl.spec.randomization);
+    draws = in.Prepare(plan, impl.spec.randomization, impl.Drawing());
   }
   std::optional<Tracer> tracer;
   if (trace) tracer.emplace(in.scene, plan, impl.spec.image_stride, trace);
@@ -224,7 +248,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   SceneDraws draws;
   {
     const plan::Timer watch(preparing.step);
-    draws = in->Prepare(plan, impl.spec.randomization);
+    draws = in->Prepare(plan, impl.spec.randomization, impl.Drawing());
   }
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
   RecordConfig record{.image_stride = impl.spec.image_stride,

@@ -56,7 +56,8 @@ class AttemptRunner {
                                     AttemptTrace* trace = nullptr);
   /// Mode rollout: the policy behind `ask` drives. @error what `ask` returns; the scene cannot be opened, as above.
   Result<AttemptResult> Rollout(std::uint64_t index, const policy::AskFunction& ask);
-  /// From now on told before every control step of an attempt which stage it is in and how many steps are done.
+  /// From now on told before every control step of an attempt which stage it is in and how many steps are done; before
+  /// the first one, "start" and how many starts were drawn without finding one in which the task can be done.
   void OnProgress(std::function<void(std::string_view stage, int step)> progress);
   /// Neither: only sets the scene. @error kNotFound when (index, attempt) has none, and why.
   Result<StartScene> Show(std::uint64_t index, std::uint32_t attempt);

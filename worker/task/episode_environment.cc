@@ -55,7 +55,8 @@ OrderedJson SceneDraws::Json() const {
   return {{"draws", rejected.size() + found}, {"rejected", std::move(list)}};
 }
 
-SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization) {
+SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization,
+                                       const std::function<void(int start)>& drawing) {
   Streams streams{Rng(plan.seeds.scene), Rng(plan.seeds.distractors), Rng(plan.seeds.places)};
   Rng light_rng(plan.seeds.light);
   const auto appearance = sim::DrawAppearance(randomization.light, scene->body_count(), light_rng);
@@ -63,7 +64,8 @@ SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const Randomizat
   renderer.SetCamera(plan.world.camera ? std::optional(ToCamera(*plan.world.camera)) : std::nullopt);
   const auto stages = StagesOf(plan.task, shapes, plan.clearance);
   SceneDraws draws;
-  for (int left = plan.first_draw ? 1 : kStarts; left > 0; --left) {
+  for (int number = 0; number < (plan.first_draw ? 1 : kStarts); ++number) {
+    if (drawing) drawing(number);
     Rejection why;
     const auto start = Draw(plan, stages, randomization, streams, why);
     if (!start) {

@@ -2,6 +2,7 @@
 // One compiled scene with everything that works in it, and how an attempt's start is put into it.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,8 +36,10 @@ struct EpisodeEnvironment {
   /// Puts world and checker into the start of an attempt: objects, obstacle, distractors and arm drawn from the plan's
   /// seeds, at rest, and such that the task can be done (see feasibility_check.h); and the renderer into the plan's
   /// world.
+  /// @param drawing  told the number of each start before it is drawn, from 0: a hard task may need many
   /// @pre this is the environment of `plan.scene`
-  SceneDraws Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization);
+  SceneDraws Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization,
+                     const std::function<void(int start)>& drawing = nullptr);
 
   std::shared_ptr<const sim::Scene> scene;
   sim::World world;

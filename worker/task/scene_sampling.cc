@@ -19,10 +19,9 @@ constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
 constexpr double kLowStartHeight = 0.05;                     // m above the lowest
 constexpr int kWayStates = 16;                               // states that stand for a straight way
 constexpr int kObstacleDraws = 60;
-constexpr double kObstacleGap = 0.05;     // m between the obstacle and the middle of an object
-constexpr double kClearAtEnds = 0.015;    // m kept free around the arm at the ends of its way
-constexpr double kAsideMargin = 0.05;     // m around the whole way past an obstacle aside
-constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
+constexpr double kObstacleGap = 0.05;   // m between the obstacle and the middle of an object
+constexpr double kClearAtEnds = 0.015;  // m kept free around the arm at the ends of its way
+constexpr double kAsideMargin = 0.05;   // m around the whole way past an obstacle aside
 
 // How much further than others a wide object has to be from its neighbours, m.
 double Excess(const sim::ObjectInfo& object) {

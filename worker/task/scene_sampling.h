@@ -44,6 +44,8 @@ std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::Obj
 
 /// Smallest singular value of the tool's Jacobian at q: the worst ratio of tool speed to joint speed.
 double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q);
+/// m, what starts have at least (the UR5's home has 0.11): the arm can leave in any direction.
+inline constexpr double kStartDexterity = 0.06;
 
 /// True when an arm of six joints would have to pass a singularity between the two: the sign of its Jacobian's
 /// determinant differs. Never for other arms.

@@ -39,6 +39,14 @@ Status CheckPredicates(const TaskSpec& task, const std::vector<std::string>& obj
   return {};
 }
 
+std::vector<std::string> NamedObjects(const TaskSpec& task, const std::vector<std::string>& objects) {
+  std::vector<std::string> names;
+  AddNamed(task.success, objects, names);
+  if (task.latched) AddNamed(*task.latched, objects, names);
+  if (task.start.not_already) AddNamed(*task.start.not_already, objects, names);
+  return names;
+}
+
 Result<std::optional<std::string>> Already(const TaskSpec& task, const Cast& cast,
                                            const std::vector<PlacedObject>& objects, const SceneGeometry& shapes) {
   if (!task.start.not_already) return std::nullopt;

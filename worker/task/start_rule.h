@@ -21,6 +21,10 @@ namespace etude::task {
 /// @error kInvalidArgument: as MakePredicate, with the task's name and the key
 Status CheckPredicates(const TaskSpec& task, const std::vector<std::string>& objects = {});
 
+/// The objects that its predicates speak of by their own names, in no order and each as often as it is named.
+/// @param objects  as CheckPredicates
+std::vector<std::string> NamedObjects(const TaskSpec& task, const std::vector<std::string>& objects);
+
 /// What of `start.not_already` holds while the objects stand like this, nothing when none does.
 /// @pre CheckPredicates(task)
 /// @error kInvalidArgument: the rule names an object that is not among them

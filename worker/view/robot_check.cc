@@ -17,6 +17,7 @@
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
 #include "worker/task/motion_check.h"
+#include "worker/task/scene_sampling.h"
 
 namespace etude {
 namespace {
@@ -188,6 +189,11 @@ void CheckHome(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
       true, "home",
       fmt::format("tool at ({:.3f}, {:.3f}, {:.3f}) m, pointing {:.0f} deg below the horizontal, free", X_WE.p.x(),
                   X_WE.p.y(), X_WE.p.z(), Whole(-std::asin(std::clamp(points.z(), -1.0, 1.0)) / kDegree)));
+  if (const double dexterity = task::Dexterity(kinematics, scene->arm().q_home); dexterity < task::kStartDexterity)
+    report.Note(
+        fmt::format("home is near a singularity: in one direction a rad/s of the joints moves the tool by {:.3f} "
+                    "m/s; starts are drawn around home where it is {} at least, and there may be few",
+                    dexterity, task::kStartDexterity));
 }
 
 void CheckGripper(const std::shared_ptr<const sim::Scene>& scene, Report& report) {

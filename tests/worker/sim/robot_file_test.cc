@@ -173,6 +173,26 @@ TEST_F(BrokenRobot, ShapesThatNobodyKnowsDoNotCollide) {
   EXPECT_THAT(Load().message, testing::HasSubstr("collides as neither box"));
 }
 
+// MuJoCo couples what joints are away from their references; where the checker has a finger must be where it goes.
+TEST_F(BrokenRobot, ACoupledFingerFollowsFromItsReference) {
+  Replace("sketch/sketch.xml", "joint name=\"right_slide\"", "joint ref=\"0.01\" range=\"0 0.1\" name=\"right_slide\"");
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  const auto& model = (*scene)->model();
+  ASSERT_EQ(model.coupled_q.size(), 1u);
+  EXPECT_NEAR(model.coupled_q[0].offset, 0.01, 1e-9);
+  World world(*scene);
+  const Pose home = world.X_WE();
+  for (const double gripper : {0.0, 1.0}) {
+    for (int i = 0; i < 100; ++i) world.Step({home, gripper}, Vector6d::Zero());
+    const mjtNum* q = world.state().mj->qpos;
+    const auto& [address, factor, offset] = model.coupled_q[0];
+    EXPECT_NEAR(q[address], offset + factor * q[model.gripper_q[0]], 2e-3) << gripper;
+  }
+}
+
 // A body called like an object, a geom called like the table, a joint called like an object's.
 TEST_F(BrokenRobot, NamesOfOursDoNotClash) {
   Replace("sketch/sketch.xml", "<body name=\"hand\"", "<body name=\"coke\"");

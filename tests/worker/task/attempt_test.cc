@@ -167,8 +167,13 @@ TEST(Attempt, WithoutDisturbancesEveryStepIsSupervised) {
 TEST(Attempt, SaysHowFarItIs) {
   AttemptRunner runner = OpenOrDie(QuickSpec("pick"));
   std::vector<std::string> stages;
-  int steps = 0;
+  int steps = 0, starts = 0;
   runner.OnProgress([&](std::string_view stage, int step) {
+    if (stage == "start") {
+      EXPECT_EQ(step, starts++);
+      EXPECT_EQ(steps, 0);
+      return;
+    }
     EXPECT_EQ(step, steps);
     steps = step + 1;
     if (stages.empty() || stages.back() != stage) stages.emplace_back(stage);
@@ -176,6 +181,7 @@ TEST(Attempt, SaysHowFarItIs) {
   const auto result = runner.Demonstrate(0, 0).value();
   runner.OnProgress(nullptr);
   ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  EXPECT_EQ(starts, result.scene.at("draws").get<int>());
   EXPECT_EQ(steps, result.episode.steps());
   EXPECT_GT(stages.size(), 2u);
   for (const auto& stage : stages) EXPECT_EQ(std::ranges::count(result.episode.stage_names, stage), 1) << stage;

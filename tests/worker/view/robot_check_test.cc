@@ -78,6 +78,13 @@ TEST_F(RobotCheck, NamesTheWeakJointAndDoesNotCallItsControlGood) {
   EXPECT_THAT(status, HasCode(Code::kInvalidArgument));
 }
 
+TEST_F(RobotCheck, SaysThatHomeIsNearASingularity) {
+  WithoutTasks();
+  EXPECT_THAT(Said(), Not(HasSubstr("singularity")));
+  robot_.InYaml("home: [0, -0.15, 1.95, 0, 1.3416, 0]", "home: [0, -0.15, 1.95, 0, 0.01, 0]");
+  EXPECT_THAT(Said(), HasSubstr("note                home is near a singularity"));
+}
+
 TEST_F(RobotCheck, FiveJointsDoWhatNeedsNoTurningOver) {
   robot_.WithoutRoll();
   Status status;
