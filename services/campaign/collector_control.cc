@@ -92,8 +92,9 @@ void Collector::Impl::EndIfStill(const std::string& worker, Motion& motion, Time
   constexpr double kWaitsForPolicy_s = 75;
   const std::chrono::duration<double> patience(
       spec.mode == "rollout" ? std::max(spec.stall_timeout_s, kWaitsForPolicy_s) : spec.stall_timeout_s);
-  // what is sent may wait for our own disk
-  if (motion.mark == 0 || motion.phase == "send" || now - motion.since < patience) return;
+  // what is sent may wait for our own disk; what never comes through is no work either
+  const bool for_our_disk = motion.phase == "send" && (!disk_errors.empty() || !committing.empty());
+  if (motion.mark == 0 || for_our_disk || now - motion.since < patience) return;
   motion.since = now;
   // not its lease any more
   if (!table.Renew(motion.index, motion.mark, now) && !rechecks.Renew(motion.mark, worker, now)) return;

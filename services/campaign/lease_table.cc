@@ -48,7 +48,10 @@ const LeaseTable::Entry* LeaseTable::Find(std::uint64_t index) const {
 }
 
 void LeaseTable::RestoreCommitted(std::uint64_t index) {
-  if (!Has(index)) return;  // the campaign was made shorter
+  if (!Has(index)) {  // the campaign was made shorter: it is made all the same
+    if (config_.shard.Has(index)) frontier_ = std::max(frontier_, index + 1);
+    return;
+  }
   Commit(index);
 }
 

@@ -207,6 +207,12 @@ Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const Camp
   const bool has_rollouts = std::filesystem::exists(folder / "rollouts", missing);
   ETUDE_RETURN_IF_ERROR(CheckReport(folder, report, has_rollouts, subject));
   ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder / "rollouts", spec));
+  if (!report.is_object() && !writer.committed().empty())
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("evaluate into '{}': it has rollouts, and no eval.json that says of whom they are; give another "
+                    "--out, or remove its rollouts/",
+                    folder.string()));
   auto sink = std::make_unique<EvalSink>(folder, spec, Remember(report, subject), std::move(writer));
   ETUDE_RETURN_IF_ERROR(sink->Restore());
   return sink;

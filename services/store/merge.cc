@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "services/core/config.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/store/edit.h"
@@ -100,8 +101,11 @@ Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out
       if (owner == &part) own.insert(index);
     return own;
   };
-  std::vector<internal::EpisodeSource> chosen;
-  for (const Part& part : parts) chosen.push_back({part.reader.path(), sources(part)});
+  // the first one's description is the whole's: that of the one that plans the most, in whatever order they are named
+  const auto most = std::ranges::max_element(parts, {}, [](const Part& part) { return part.reader.spec().episodes; });
+  std::vector<internal::EpisodeSource> chosen{{most->reader.path(), sources(*most)}};
+  for (const Part& part : parts)
+    if (&part != &*most) chosen.push_back({part.reader.path(), sources(part)});
   ETUDE_RETURN_IF_ERROR(internal::FillDataset(folder.path(), chosen, progress));
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   return MergeReport{owners.size(), false};
@@ -111,6 +115,12 @@ template <class T>
 void Join(std::vector<T>& all, const std::vector<T>& more) {
   for (const T& item : more)
     if (std::find(all.begin(), all.end(), item) == all.end()) all.push_back(item);
+}
+
+// Whether the joint spec's draws of camera and world are also the other's.
+bool OneWorld(const CampaignSpec& spec, const CampaignSpec& other) {
+  return ToJson(spec.camera) == ToJson(other.camera) &&
+         ToJson(spec.randomization.world) == ToJson(other.randomization.world);
 }
 
 Result<CampaignSpec> JointSpec(const std::vector<Part>& parts) {
@@ -130,6 +140,11 @@ Result<CampaignSpec> JointSpec(const std::vector<Part>& parts) {
     Join(spec.objects, other.objects);
     spec.episodes += part.indices.size();
   }
+  // whoever asks where its cameras are is told by the episodes, and not by draws that are one part's alone
+  if (!std::ranges::all_of(parts, [&](const Part& part) { return OneWorld(spec, part.reader.spec()); })) {
+    auto& world = spec.randomization.world;
+    world.camera_position = world.camera_aim = world.camera_roll = world.fovy_deg = 0;
+  }
   spec.name = "merged";
   spec.task_weights.clear();
   spec.adaptive_sampling = {};
@@ -143,6 +158,8 @@ void MoveTo(const CampaignSpec& spec, const std::string& spec_sha256, std::uint6
     from["sampling"] = *sampling;
     episode.details.erase("sampling");
   }
+  if (const auto before = episode.details.find("merged_from"); before != episode.details.end())
+    from["merged_from"] = *before;
   episode.details["merged_from"] = std::move(from);
   episode.campaign = spec.name;
   episode.spec_sha256 = spec_sha256;

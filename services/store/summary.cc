@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/summary.h"
 
+#include <set>
 #include <system_error>
+#include <tuple>
 
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
@@ -82,8 +84,11 @@ OrderedJson FeatureTable(const Episode& episode) {
 
 std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset) {
   std::map<std::string, std::uint64_t> failures;
+  // an attempt that was made again, since nothing was committed before a restart, failed once
+  std::set<std::tuple<std::uint64_t, std::uint32_t, std::string>> seen;
   ForEachAttempt(dataset, [&](const AttemptLine& line) {
-    if (line.outcome != kRecheckMismatch) ++failures[line.outcome];
+    if (line.outcome != kRecheckMismatch && seen.emplace(line.index, line.attempt, line.outcome).second)
+      ++failures[line.outcome];
   });
   return failures;
 }

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -100,6 +101,20 @@ TEST(EvalSink, OneReportIsOfOnePolicy) {
   EXPECT_THAT(OpenSink(folder.path(), spec, other_checkpoint), HasCode(Code::kInvalidArgument));
   EXPECT_EQ(ReadTextFile(folder / "eval.json").value(), report);
   EXPECT_THAT(OpenSink(folder.path(), spec, first), IsOk());
+}
+
+TEST(EvalSink, RolloutsOfNobodyKnowsWhomAreNotGoneOnWith) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = RolloutSpec();
+  const EvalSubject first{.run_id = "00112233445566aa", .run = "demo", .sha256 = std::string(64, 'a'), .step = 900};
+  {
+    auto sink = OpenSink(folder.path(), spec, first);
+    ASSERT_THAT(sink, IsOk());
+    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
+  }
+  std::filesystem::remove(folder / "eval.json");
+  EXPECT_THAT(OpenSink(folder.path(), spec, first), MessageHas("no eval.json that says of whom"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "eval.json"));
 }
 
 // somebody kept the report, and not the gigabytes that it is of

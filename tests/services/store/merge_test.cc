@@ -91,6 +91,47 @@ TEST_F(Merge, OfDifferentSpecsNumbersAnewAndSaysWhereFrom) {
   ExpectSound(3);
 }
 
+TEST_F(Merge, OfWhatWasMergedKeepsWhereItFirstCameFrom) {
+  CampaignSpec second = spec_, third = spec_;
+  second.seed = 77;
+  second.name = "second";
+  third.seed = 78;
+  const Path both = folder_ / "both";
+  ASSERT_THAT(MergeDatasets({Write("a", spec_, {4}), Write("b", second, {3})}, both, Leftover::kRefuse), IsOk());
+  ASSERT_THAT(MergeDatasets({both, Write("c", third, {0})}, out_, Leftover::kRefuse), IsOk());
+  const auto moved = DatasetReader::Open(out_).value().ReadWhole(1);
+  ASSERT_THAT(moved, IsOk());
+  const auto& from = moved->details["merged_from"];
+  EXPECT_EQ(from["campaign"], "merged");
+  EXPECT_EQ(from["merged_from"]["campaign"], "second");
+  EXPECT_EQ(from["merged_from"]["index"], 3);
+}
+
+TEST_F(Merge, PlansWhatTheLargestPlansInEitherOrder) {
+  CampaignSpec more = spec_;
+  more.episodes = spec_.episodes + 100;
+  const Path a = Write("a", spec_, {1}), b = Write("b", more, {2});
+  const Path other = folder_ / "other";
+  ASSERT_THAT(MergeDatasets({a, b}, out_, Leftover::kRefuse), IsOk());
+  ASSERT_THAT(MergeDatasets({b, a}, other, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(DatasetReader::Open(out_).value().spec().episodes, more.episodes);
+  EXPECT_EQ(DatasetReader::Open(other).value().spec().episodes, more.episodes);
+}
+
+// who would ask the joint spec where its cameras are would be told one part's draws
+TEST_F(Merge, OfAMovingAndAStillCameraLeavesItToTheEpisodes) {
+  CampaignSpec moving = spec_, alike = spec_;
+  moving.seed = 77;
+  moving.randomization.world.camera_position = 0.05;
+  alike.randomization.world.camera_position = 0.05;
+  const Path both = folder_ / "both", one = folder_ / "one";
+  const Path a = Write("a", moving, {0}), b = Write("b", spec_, {1}), c = Write("c", alike, {2});
+  ASSERT_THAT(MergeDatasets({a, b}, both, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(DatasetReader::Open(both).value().spec().randomization.world.camera_position, 0);
+  ASSERT_THAT(MergeDatasets({a, c}, one, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(DatasetReader::Open(one).value().spec().randomization.world.camera_position, 0.05) << "their draws are one";
+}
+
 // before, a key of an episode that two have was kept by chance of their order, and one of another spec never
 TEST_F(Merge, FilterKeysComeAlong) {
   const Path a = Write("a", spec_, {0, 1, 2}), b = Write("b", spec_, {1, 3});

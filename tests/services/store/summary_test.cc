@@ -120,13 +120,14 @@ TEST(FeatureTable, NamesEveryArrayOnceWithTheShapeThatItHas) {
   EXPECT_EQ(rows["control/objects/" + episode.target + "/pose"]["shape"][1], 7);
 }
 
-TEST(FailuresByOutcome, CountsLinesThatParse) {
+TEST(FailuresByOutcome, CountsLinesThatParseAndEachAttemptOnce) {
   const TemporaryFolder folder;
   EXPECT_TRUE(FailuresByOutcome(folder.path()).empty()) << "no such file";
   ASSERT_THAT(
       WriteFileAtomically(folder / kAttempts, std::string_view("{\"index\":1,\"attempt\":0,\"outcome\":\"slip\"}\n"
                                                                "{\"index\":1,\"attempt\":1,\"outcome\":\"slip\"}\n"
                                                                "{\"index\":2,\"attempt\":0,\"outcome\":\"timeout\"}\n"
+                                                               "{\"index\":1,\"attempt\":1,\"outcome\":\"slip\"}\n"
                                                                "{\"index\":2,\"outcome\":\"timeout\"}\nnot JSON\n\n"
                                                                "{\"index\":3,\"attempt\":0,\"outcome\":7}\n"
                                                                "{\"index\":4,\"attempt\":0,\"outc")),
