@@ -105,10 +105,10 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalAr
         Printable(fmt::format("asking the policy server of run {}@{} on {}", server->name, server->id, server->host)));
     return PolicyChoice{{run.name, server->id}, std::nullopt};
   }
-  if (!IsId(run.id))
+  if (!training)
     return Fail(Code::kUnavailable,
                 fmt::format("--subscribe '{}': neither a run nor a policy server of that name is live on domain {}; "
-                            "start one, or give the run's folder or a --checkpoint",
+                            "start one, or evaluate what a run has left: --checkpoint, with its folder or a file",
                             arguments.subscribe, participant.domain()));
   return PolicyChoice{run, ServiceOf(arguments, {"--subscribe", run.text()})};
 }

@@ -13,6 +13,7 @@
 #include "services/cli/command_line.h"
 #include "services/cli/dashboard_service.h"
 #include "services/cli/evaluation.h"
+#include "services/cli/results_folder.h"
 #include "services/cli/service.h"
 #include "services/cli/sibling_text.h"
 #include "services/cli/up_config.h"
@@ -202,7 +203,9 @@ Status System::CollectAndTrain() {
                                                              .claim = claim_,
                                                              .run_id = run_.id}));
   const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
-  while (!StopRequested() && !(trainer_ && trainer_->done())) {
+  // what was asked for is collected, however short the training is; rollouts then have the cores to themselves
+  const auto all_done = [this] { return trainer_ && trainer_->done() && !collection_; };
+  while (!StopRequested() && !all_done()) {
     ETUDE_RETURN_IF_ERROR(Tick());
     if (collection_) {
       const auto progress = collection_->progress();
@@ -212,6 +215,10 @@ Status System::CollectAndTrain() {
     if (display_.due()) display_.Show(Line());
     WaitForStop(100ms);
   }
+  // a trainer that somebody stopped has ended well, too
+  if (!StopRequested() && !HasFinished(RunFolder(config_)))
+    return Fail(Code::kExhausted, fmt::format("the training in '{}' was stopped before its end: run again to go on",
+                                              RunFolder(config_).string()));
   return {};
 }
 
@@ -340,7 +347,12 @@ Result<UpConfig> Load(const UpArguments& arguments) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("{}: train.run: '{}' must match [a-z0-9_-]{{1,64}}", arguments.file, config.train.run));
   config.campaign = (Path(arguments.file).parent_path() / config.campaign).lexically_normal().string();
-  if (!arguments.out.empty()) config.out = arguments.out;
+  std::error_code ignored;
+  const Path file = arguments.file;
+  if (!arguments.out.empty())
+    config.out = arguments.out;
+  else if (file.filename() == "up.yaml" && std::filesystem::exists(file.parent_path() / "up.json", ignored))
+    config.out = std::filesystem::absolute(file, ignored).parent_path().string();  // it may have been moved
   if (arguments.minutes) config.train.minutes = *arguments.minutes;
   if (arguments.workers) config.workers = *arguments.workers;
   if (arguments.domain) config.domain = *arguments.domain;

@@ -179,6 +179,7 @@ Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, 
   for (const auto& candidate : candidates) {
     const Path path = folder / candidate.name;
     if (!IsMadeOf(path, store::EpisodePath(rollouts, candidate.index))) {
+      if (StopRequested()) continue;  // the next run writes it; those that are there are named all the same
       ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(candidate.index));
       ETUDE_ASSIGN_OR_RETURN(const bool written, WriteRollout(episode, overlay, path));
       if (!written) break;

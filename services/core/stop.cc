@@ -46,6 +46,7 @@ void InstallStopSignals() {
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+  ::signal(SIGCHLD, SIG_DFL);  // where the parent ignores it, that is inherited, and children end without a word
   ::signal(SIGXFSZ, SIG_IGN);  // the write then says EFBIG, which is waited out like a full disk
 }
 
