@@ -77,8 +77,15 @@ Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form
   const bool image = !keys.empty() && keys[0] == "image";
   const bool log = form.kind == "log";
   const PictureView view = ViewOf(crop_origin, grid);
-  Tensor mass, valid = torch::ones({map.size(0), 1}, map.options().dtype(torch::kBool));
-  const auto add = [&](const Tensor& part) { mass = mass.defined() ? mass + part : part; };
+  const bool each = form.kind == "mse_each";
+  const double share = 1.0 / static_cast<double>(module.attend.size());
+  Tensor mass, apart, valid = torch::ones({map.size(0), 1}, map.options().dtype(torch::kBool));
+  const auto add = [&](const Tensor& part) {
+    mass = mass.defined() ? mass + part : part;
+    if (!each) return;
+    const Tensor missing = (part / share - 1).square() * share;
+    apart = apart.defined() ? apart + missing : missing;
+  };
   for (const std::string& item : module.attend) {
     const std::string entity = AttendedEntity(item);
     if (entity.empty()) {
@@ -102,6 +109,7 @@ Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form
     valid = valid & patches.valid;
     add((patches.weight * on_image).sum(-1));
   }
+  if (each) return {apart, valid};
   return {log ? -torch::log(mass + kTiny) : (mass - 1).square(), valid};
 }
 

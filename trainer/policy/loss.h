@@ -15,7 +15,8 @@ namespace etude::policy {
 
 /// Supervised attention, per sample. Image tokens supervised alone with form "log": cross-entropy to a Gaussian patch
 /// around the entity's pixel (of a set: the mean of its members' patches). Else the mass on the key set (the entity's
-/// patches, the named keys) is driven to 1: by (mass - 1)^2 ("mse", the original's) or -log(mass) ("log").
+/// patches, the named keys) is driven to 1: by (mass - 1)^2 ("mse", the original's) or -log(mass) ("log"). "mse_each"
+/// (Eq. 2) drives each of K keys to 1 / K, by the mean of (K a_k - 1)^2; of one key it is "mse".
 /// @param keys  names of the attention's columns; "image" stands for all image tokens and is first
 Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form, const std::vector<std::string>& keys,
                      const ModuleOutput& output, const Labels& labels, const torch::Tensor& crop_origin,

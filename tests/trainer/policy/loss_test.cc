@@ -88,6 +88,25 @@ TEST(AttentionLoss, MseIsOfTheMassOnTheKeySet) {
   EXPECT_NEAR(masked.loss[0][0].item<double>(), (mass - 1) * (mass - 1), 1e-6);
 }
 
+// the sum is met by one key alone; each of them by nothing but all
+TEST(AttentionLoss, MseOfEachKeyIsMetByEqualSharesAlone) {
+  LossCase c;
+  c.module.attend = {"image@target", "joints"};
+  const double patch = c.output.attention[0][0][7].item<double>(), joints = c.output.attention[0][0][25].item<double>();
+  EXPECT_NEAR(c.Attend("mse_each").loss[0][0].item<double>(),
+              0.5 * ((2 * patch - 1) * (2 * patch - 1) + (2 * joints - 1) * (2 * joints - 1)), 1e-6);
+  c.module.attend = {"language", "joints"};
+  c.output.attention.zero_();
+  c.output.attention.select(-1, 25).fill_(1);
+  EXPECT_NEAR(c.Attend("mse").loss[0][0].item<double>(), 0, 1e-6);
+  EXPECT_NEAR(c.Attend("mse_each").loss[0][0].item<double>(), 1, 1e-6);
+  c.output.attention.select(-1, 24).fill_(0.5);
+  c.output.attention.select(-1, 25).fill_(0.5);
+  EXPECT_NEAR(c.Attend("mse_each").loss[0][0].item<double>(), 0, 1e-6);
+  LossCase one;
+  EXPECT_TRUE(torch::equal(one.Attend("mse_each").loss, one.Attend("mse").loss));
+}
+
 TEST(AttentionLoss, LogOfSeveralKeysIsOfTheirSum) {
   LossCase c;
   c.module.attend = {"language", "joints"};

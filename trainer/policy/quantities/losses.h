@@ -26,11 +26,14 @@ struct CrossEntropyConfig {
 };
 
 struct AttentionLossConfig {
-  std::string kind = "log";  ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
+  /// log (bounded gradients) | mse (the original's code: (sum over the keys - 1)^2, which one key alone can meet) |
+  /// mse_each (the paper's equation 2, of each key, with the share that all can have at once: mean of (K a_k - 1)^2)
+  std::string kind = "log";
   double patch_sigma = 0.6;  ///< image tokens; log alone on an image is the cross-entropy to a Gaussian patch
 
   void Visit(auto& v) {
-    v("kind", kind, "", "log (bounded gradients) | mse (the original's (sum - 1)^2)");
+    v("kind", kind, "",
+      "log (bounded gradients) | mse (the original's (sum - 1)^2) | mse_each (mean of (K a_k - 1)^2 over the K keys)");
     v("patch_sigma", patch_sigma, "-", "image tokens: width of the Gaussian patch around a pixel");
   }
 };

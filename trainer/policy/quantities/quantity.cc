@@ -40,8 +40,8 @@ void LossesConfig::Check(std::vector<std::string>& errors) const {
   const auto require = [&](bool good, std::string message) {
     if (!good) errors.push_back("losses." + std::move(message));
   };
-  require(attention.kind == "log" || attention.kind == "mse",
-          fmt::format("attention.kind: '{}' is not one of log, mse", attention.kind));
+  require(attention.kind == "log" || attention.kind == "mse" || attention.kind == "mse_each",
+          fmt::format("attention.kind: '{}' is not one of log, mse, mse_each", attention.kind));
   require(attention.patch_sigma > 0, "attention.patch_sigma: must be > 0");
   const std::pair<const char*, const SmoothL1Config*> smooth[] = {{"pixel", &pixel},
                                                                   {"position", &position},
