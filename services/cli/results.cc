@@ -229,11 +229,7 @@ class Maker {
   Status Train(const ResultRow& row, std::uint64_t seed, const Path& run, Words words) {
     words.insert(words.begin(), "train");
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), std::move(words)));
-    // a trainer that somebody stopped has ended well, too
-    if (!HasFinished(run))
-      return Fail(Code::kExhausted, fmt::format("the training in '{}' was stopped before its end: the same command "
-                                                "goes on with it",
-                                                run.string()));
+    ETUDE_RETURN_IF_ERROR(CheckFinished(run));
     return WriteFileAtomically(run / kWhole, "\n");
   }
 

@@ -91,4 +91,11 @@ std::optional<double> TrainingSeconds(const Path& run) {
 
 bool HasFinished(const Path& run) { return AtLastEnd(run, "cause", &OrderedJson::is_string) == "finished"; }
 
+Status CheckFinished(const Path& run) {
+  if (HasFinished(run)) return {};
+  return Fail(
+      Code::kExhausted,
+      fmt::format("the training in '{}' was stopped before its end: the same command goes on with it", run.string()));
+}
+
 }  // namespace etude::cli

@@ -36,5 +36,7 @@ Status CheckEvaluated(const Path& evaluation, const Path& checkpoint);
 std::optional<double> TrainingSeconds(const Path& run);
 /// Whether its last training came to its end, as RUN/metrics.jsonl says: one that somebody stopped has not.
 bool HasFinished(const Path& run);
+/// After a trainer that ended well, as one that somebody stopped does, too. @error kExhausted: it has not finished
+Status CheckFinished(const Path& run);
 
 }  // namespace etude::cli

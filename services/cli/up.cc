@@ -215,11 +215,7 @@ Status System::CollectAndTrain() {
     if (display_.due()) display_.Show(Line());
     WaitForStop(100ms);
   }
-  // a trainer that somebody stopped has ended well, too
-  if (!StopRequested() && !HasFinished(RunFolder(config_)))
-    return Fail(Code::kExhausted, fmt::format("the training in '{}' was stopped before its end: run again to go on",
-                                              RunFolder(config_).string()));
-  return {};
+  return StopRequested() ? Status() : CheckFinished(RunFolder(config_));
 }
 
 // It is complete, or somebody has stopped it: then there may be too little to begin to train with.

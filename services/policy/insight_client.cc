@@ -11,7 +11,6 @@
 #include "services/core/stop.h"
 #include "services/policy/conversation.h"
 #include "services/policy/conversion.h"
-#include "services/policy/insight_wish.h"
 
 namespace etude::policy {
 namespace {
@@ -77,7 +76,11 @@ bool InsightClient::Impl::ServerWasReplaced() {
 }
 
 Status InsightClient::Impl::Wish(std::uint32_t seconds) {
-  bus::InsightWish wish = WishFor(connection->talk.server, name, name, seconds);
+  bus::InsightWish wish;
+  wish.run = connection->talk.server.name;
+  wish.run_id = connection->talk.server.id;
+  wish.viewer = wish.session = name;
+  wish.seconds = seconds;
   wish.what_if_json = what_if;
   wish_again = MonotonicClock::now() + std::chrono::seconds(bus::kWishAgain);
   return connection->wishes.Write(wish);

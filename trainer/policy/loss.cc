@@ -79,12 +79,10 @@ Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form
   const PictureView view = ViewOf(crop_origin, grid);
   const bool each = form.kind == "mse_each";
   const double share = 1.0 / static_cast<double>(module.attend.size());
-  Tensor mass, apart, valid = torch::ones({map.size(0), 1}, map.options().dtype(torch::kBool));
+  Tensor sum, valid = torch::ones({map.size(0), 1}, map.options().dtype(torch::kBool));
   const auto add = [&](const Tensor& part) {
-    mass = mass.defined() ? mass + part : part;
-    if (!each) return;
-    const Tensor missing = (part / share - 1).square() * share;
-    apart = apart.defined() ? apart + missing : missing;
+    const Tensor term = each ? (part / share - 1).square() * share : part;
+    sum = sum.defined() ? sum + term : term;
   };
   for (const std::string& item : module.attend) {
     const std::string entity = AttendedEntity(item);
@@ -109,8 +107,8 @@ Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form
     valid = valid & patches.valid;
     add((patches.weight * on_image).sum(-1));
   }
-  if (each) return {apart, valid};
-  return {log ? -torch::log(mass + kTiny) : (mass - 1).square(), valid};
+  if (each) return {sum, valid};
+  return {log ? -torch::log(sum + kTiny) : (sum - 1).square(), valid};
 }
 
 Tensor DecodeLoss(const PolicyConfig& policy, const ModuleConfig& module, const ModuleOutput& output,

@@ -83,16 +83,19 @@ TEST(EvalSink, ARolloutIsARowAtOnceAndTheReportSaysOfWhat) {
   EXPECT_EQ(row["wall_s"], 1.5);
 }
 
+// Whose rollout it is.
+EvalSubject RollOutOnce(const Path& folder, const CampaignSpec& spec) {
+  EvalSubject subject{.run_id = "00112233445566aa", .run = "demo", .sha256 = std::string(64, 'a'), .step = 900};
+  auto sink = OpenSink(folder, spec, subject).value();
+  EXPECT_THAT(Commit(*sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
+  EXPECT_THAT(sink->WriteIndex(), IsOk());
+  return subject;
+}
+
 TEST(EvalSink, OneReportIsOfOnePolicy) {
   const TemporaryFolder folder;
   const CampaignSpec spec = RolloutSpec();
-  const EvalSubject first{.run_id = "00112233445566aa", .run = "demo", .sha256 = std::string(64, 'a'), .step = 900};
-  {
-    auto sink = OpenSink(folder.path(), spec, first);
-    ASSERT_THAT(sink, IsOk());
-    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
-    ASSERT_THAT((*sink)->WriteIndex(), IsOk());
-  }
+  const EvalSubject first = RollOutOnce(folder.path(), spec);
   const std::string report = ReadTextFile(folder / "eval.json").value();
   EvalSubject other_run = first, other_checkpoint = first;
   other_run.run_id = "ffeeddccbbaa9988";
@@ -106,12 +109,7 @@ TEST(EvalSink, OneReportIsOfOnePolicy) {
 TEST(EvalSink, RolloutsOfNobodyKnowsWhomAreNotGoneOnWith) {
   const TemporaryFolder folder;
   const CampaignSpec spec = RolloutSpec();
-  const EvalSubject first{.run_id = "00112233445566aa", .run = "demo", .sha256 = std::string(64, 'a'), .step = 900};
-  {
-    auto sink = OpenSink(folder.path(), spec, first);
-    ASSERT_THAT(sink, IsOk());
-    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
-  }
+  const EvalSubject first = RollOutOnce(folder.path(), spec);
   std::filesystem::remove(folder / "eval.json");
   EXPECT_THAT(OpenSink(folder.path(), spec, first), MessageHas("no eval.json that says of whom"));
   EXPECT_FALSE(std::filesystem::exists(folder / "eval.json"));
