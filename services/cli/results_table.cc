@@ -151,7 +151,8 @@ std::string RowText(const ResultLine& line) {
   const Count strict = CountOf(line, "success"), latched = CountOf(line, "success_latched");
   const std::string goal =
       row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.reaches(row.goal) ? "" : " (missed)") : "";
-  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title,
+  // with its name, by which other rows, --row and the texts call it
+  return fmt::format("| {} `{}` | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, row.name,
                      DemonstrationsText(line), TrainingText(line), BeginsText(row.train), strict.text(),
                      SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal, NetworkText(row),
                      ScenesText(line), MadeText(line));

@@ -43,9 +43,10 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
   const std::string table =
       ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
-  EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | 93.0 "
-                               "[88.6, 95.8] | 90.0, 96.0 | "
-                               "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
+  EXPECT_THAT(table,
+              HasSubstr("| UR5 `a` | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | 93.0 "
+                        "[88.6, 95.8] | 90.0, 96.0 | "
+                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
   EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));

@@ -36,8 +36,9 @@ TEST(LoadTrainConfig, ReadsTheShippedExperimentsWithTheirPolicies) {
   }
 }
 
-// one graph, two image encoders; what decoders cost is weighed otherwise against attention, which costs the same
-TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoderAndDecodersWeights) {
+// one graph, two image encoders; what decoders cost is weighed otherwise against attention, which is asked for of each
+// key, and a module that nobody attends to keeps the verb in the sentence
+TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoderLossesAndTask) {
   const auto faithful = LoadTrainConfig("faithful", kExperiments, {});
   const auto paper = LoadTrainConfig("paper", kExperiments, {});
   ASSERT_TRUE(faithful) << faithful.error().message;
@@ -48,7 +49,14 @@ TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoderAndDecodersWeights)
     policy->erase("name");
   }
   for (auto& [name, cost] : theirs["losses"].items())
-    if (name != "attention" && name != "class") cost["weight"] = 300 * cost["weight"].get<double>();
+    if (name != "attention") cost["weight"] = (name == "gripper" ? 2400 : 300) * cost["weight"].get<double>();
+  theirs["losses"]["attention"]["kind"] = "mse_each";
+  const OrderedJson task = ours["modules"].back();
+  EXPECT_EQ(task["name"], "TASK");
+  EXPECT_EQ(task["decoder"]["quantity"], "task");
+  for (const auto& module : faithful->policy.modules)
+    EXPECT_EQ(std::ranges::count(module.attend, "TASK"), 0) << module.name;
+  ours["modules"].erase(ours["modules"].size() - 1);
   EXPECT_EQ(ours, theirs);
   for (const auto& layer : faithful->policy.image.layers) EXPECT_LE(layer.channels, 32);
   for (const auto& config : {*faithful, *paper}) {

@@ -79,8 +79,10 @@ void LeaveZero(Policy& policy) {
 bool IsIdle(const Policy& policy, const ModuleConfig& module, const std::string& parameter) {
   const auto keys = policy.KeysOf(module.name);
   if (keys.size() != 1 || keys[0] == "image") return false;
+  if (parameter == "segments." + module.name) return true;  // of its query
   const std::string own = parameter.substr(std::string("modules.").size() + module.name.size() + 1);
-  return own == "register" || own.starts_with("attention.query.") || own == "attention.key_weight";
+  return own == "register" || own.starts_with("attention.query.") || own.starts_with("query_head.") ||
+         own == "attention.key_weight";
 }
 
 class PolicyFiles : public testing::TestWithParam<const char*> {};
