@@ -7,10 +7,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "services/core/config.h"
+#include "services/core/cores.h"
 #include "services/core/run_name.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/policy/policy_file.h"
@@ -160,7 +160,7 @@ Result<learn::RanksOptions> ReadRanks(const Arguments& arguments) {
 
 int ReplicasOfRank(const Arguments& arguments) {
   constexpr int kMost = 256;  // that a configuration may say
-  const int cores = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMost);
+  const int cores = std::min(Cores(), kMost);
   const std::string host = arguments.meet.substr(0, arguments.meet.rfind(':'));
   const bool here = arguments.rank < 0 || host == learn::RanksOptions().host || host == "localhost";
   return here ? std::max(1, cores / arguments.ranks) : cores;

@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -21,6 +20,7 @@
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config_reference.h"
+#include "services/core/cores.h"
 #include "services/core/log.h"
 #include "services/core/pinned_process.h"
 #include "services/core/service_manager.h"
@@ -46,15 +46,6 @@
 
 namespace etude {
 namespace {
-
-// That this process may use: those it may run on, and no more than its control group's quota is worth (a container).
-int Cores() {
-  const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  std::ifstream file("/sys/fs/cgroup/cpu.max");  // "QUOTA PERIOD" in microseconds, or "max PERIOD"
-  double quota = 0, period = 0;
-  if (!(file >> quota >> period) || quota <= 0 || period <= 0) return cores;
-  return std::clamp(static_cast<int>(std::ceil(quota / period)), 1, cores);
-}
 
 struct Arguments {
   campaign::WorkerOptions worker;

@@ -8,6 +8,7 @@
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/worker_client.h"
+#include "services/core/cores.h"
 #include "services/core/crash_point.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
@@ -223,7 +224,7 @@ void Collector::Impl::CommitUntilDurable(std::vector<Claim> claims) {
 
 std::size_t Collector::Impl::CommitThreads() const {
   if (options.commit_threads > 0) return options.commit_threads;
-  return std::clamp(std::thread::hardware_concurrency(), 1u, 4u);
+  return static_cast<std::size_t>(std::min(Cores(), 4));
 }
 
 // A share of what is there, so that all threads have work and each group saves fsyncs. Empty: it is over.

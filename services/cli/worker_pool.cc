@@ -12,6 +12,7 @@
 
 #include "services/bus/participant.h"
 #include "services/core/command.h"
+#include "services/core/cores.h"
 #include "services/core/log.h"
 
 namespace etude::cli {
@@ -29,7 +30,7 @@ MonotonicClock::duration BackOff(int deaths) {
 
 }  // namespace
 
-int DefaultWorkers() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
+int DefaultWorkers() { return std::min(Cores(), kMostWorkers); }
 
 std::string LogTail(const Path& log, int lines) {
   std::ifstream file(log);

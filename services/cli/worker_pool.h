@@ -68,7 +68,11 @@ class WorkerPool {
   std::uint64_t committed_ = 0;  // when it was looked at last
 };
 
-/// Number of workers to start when the user does not say: one a core.
+/// On one host: the participants of a DDS domain on a machine are bounded, to 120 by deploy/dds/local.xml, and the
+/// other programs need some of them. A host of more cores starts one `etude worker`, whose workers share one
+/// participant.
+constexpr int kMostWorkers = 100;
+/// Number of workers to start when the user does not say: one a core, at most kMostWorkers.
 int DefaultWorkers();
 /// The last lines of a log file, indented; for error messages.
 std::string LogTail(const Path& log, int lines = 5);

@@ -47,6 +47,12 @@ std::string ToHex(const Sha256Digest& digest) {
   return text;
 }
 
+std::uint64_t SeedOf(const Sha256Digest& digest) {
+  std::uint64_t seed = 0;
+  for (int i = 0; i < 7; ++i) seed = seed << 8 | digest[static_cast<std::size_t>(i)];
+  return seed >> 4;  // 52 of 56
+}
+
 std::string Sha256Hex(std::span<const std::uint8_t> bytes) { return ToHex(Sha256Of(bytes)); }
 
 std::string Sha256Hex(std::string_view text) {

@@ -37,5 +37,7 @@ std::string Sha256Hex(std::span<const std::uint8_t> bytes);
 std::string Sha256Hex(std::string_view text);
 /// 64 lower-case hexadecimal digits.
 std::string ToHex(const Sha256Digest& digest);
+/// Its first 52 bits, as a seed: a whole number that every reader of JSON keeps.
+std::uint64_t SeedOf(const Sha256Digest& digest);
 
 }  // namespace etude

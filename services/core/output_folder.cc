@@ -24,6 +24,7 @@ Path Plain(const Path& out) {
 }  // namespace
 
 Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover) {
+  if (out.empty()) return Fail(Code::kInvalidArgument, "the place to write to is an empty name");
   const Path place = Plain(out);
   const Path partial = place.parent_path() / (place.filename().string() + ".partial");
   std::error_code error;

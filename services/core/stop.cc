@@ -37,6 +37,32 @@ void OnSignal(int signal_number) {
   RequestStop();
 }
 
+int nowhere = -1;          // /dev/null
+bool on_terminal[3] = {};  // standard input, output, error
+static_assert(STDERR_FILENO == 2);
+
+// The terminal has gone, a dropped ssh session's say: what is still said while stopping must not fail for that. Shell
+// and kernel may both say so: a second one does not kill.
+void OnHangUp(int) {
+  const int saved_errno = errno;
+  for (int fd = 0; fd < 3; ++fd)
+    if (on_terminal[fd] && nowhere >= 0) ::dup2(nowhere, fd);
+  errno = saved_errno;
+  RequestStop();
+}
+
+// Where it is ignored (nohup), it stays so.
+void InstallHangUp() {
+  struct sigaction before {};
+  ::sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler == SIG_IGN) return;
+  if (nowhere < 0) nowhere = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+  for (int fd = 0; fd < 3; ++fd) on_terminal[fd] = ::isatty(fd) == 1;
+  struct sigaction action {};
+  action.sa_handler = OnHangUp;
+  ::sigaction(SIGHUP, &action, nullptr);
+}
+
 }  // namespace
 
 void InstallStopSignals() {
@@ -45,6 +71,7 @@ void InstallStopSignals() {
   action.sa_handler = OnSignal;
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
+  InstallHangUp();
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGCHLD, SIG_DFL);  // where the parent ignores it, that is inherited, and children end without a word
   ::signal(SIGXFSZ, SIG_IGN);  // the write then says EFBIG, which is waited out like a full disk

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Asking a process to stop: SIGINT and SIGTERM set one flag; long work looks at it and drains.
+// Asking a process to stop: SIGINT, SIGTERM and SIGHUP set one flag; long work looks at it and drains.
 #pragma once
 
 #include <chrono>
@@ -7,8 +7,9 @@
 namespace etude {
 
 /// Installs handlers for SIGINT and SIGTERM that request a stop (a second signal ends the process at
-/// once) and ignores SIGPIPE and SIGXFSZ: a write to what nobody reads fails with EPIPE, one beyond the limit on
-/// files with EFBIG. Call once, first thing in main.
+/// once), one for SIGHUP that does so too, unless it is ignored (nohup), and sends what is printed from then on to a
+/// terminal that has gone to /dev/null; and ignores SIGPIPE and SIGXFSZ: a write to what nobody reads fails with EPIPE,
+/// one beyond the limit on files with EFBIG. Call once, first thing in main.
 void InstallStopSignals();
 
 /// True after a signal or RequestStop(). Async-signal-safe, thread-safe.

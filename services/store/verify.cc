@@ -5,10 +5,13 @@
 #include <atomic>
 #include <cerrno>
 #include <functional>
+#include <mutex>
 #include <thread>
 
+#include "services/core/cores.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
+#include "services/core/without_throwing.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
@@ -22,17 +25,25 @@ namespace etude::store {
 namespace {
 
 // Calls work(i) for all i < n on as many threads as the machine has; order is free.
-// @error kExhausted: a stop was requested before all were done
+// @error kExhausted: a stop was requested before all were done; what a thread throws, such as that memory is out
 Status ForEach(std::size_t n, const char* what, const std::function<void(std::size_t)>& work) {
   std::atomic<std::size_t> next{0}, done{0};
+  std::mutex mutex;
+  Status thrown;
   const auto run = [&] {
-    for (std::size_t i = next++; i < n && !StopRequested(); i = next++, ++done) work(i);
+    const Status well = WithoutThrowing([&]() -> Status {
+      for (std::size_t i = next++; i < n && !StopRequested(); i = next++, ++done) work(i);
+      return {};
+    });
+    const std::lock_guard lock(mutex);
+    if (!well) thrown = well;
   };
-  const std::size_t threads = std::min<std::size_t>({std::max(1u, std::thread::hardware_concurrency()), 8, n});
+  const std::size_t threads = std::min<std::size_t>({static_cast<std::size_t>(Cores()), 8, n});
   std::vector<std::jthread> pool;
   for (std::size_t t = 1; t < threads; ++t) pool.emplace_back(run);
   run();
   pool.clear();
+  if (!thrown) return Fail(thrown.error().Wrap(fmt::format("{}, after {} of {} files", what, done.load(), n)));
   if (done == n) return {};
   return Fail(Code::kExhausted,
               fmt::format("{}: stopped after {} of {} files; nothing was changed", what, done.load(), n));
@@ -50,6 +61,11 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
   if (episode.index != index) return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
   if (episode.spec_sha256 != reader.spec_sha256())
     return Fail(Code::kCorrupt, "made from another spec than the dataset");
+  // the episode may be good, and the file that tells so has not come along
+  if (!WeightsOf(episode.details).empty() && journal.entries().empty())
+    return Fail(Code::kNotFound,
+                fmt::format("made with sampling weights, and the dataset has no {}: put back the one that it came with",
+                            internal::kSampling));
   if (WeightsOf(episode.details) != WeightsSha256(journal.At(index)))
     return Fail(Code::kCorrupt,
                 fmt::format("made with other sampling weights than {} has for it", internal::kSampling));
@@ -73,8 +89,9 @@ Status MoveToQuarantine(const Path& dataset, const Path& file) {
   const Path folder = dataset / internal::kQuarantine;
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
   Path to = folder / file.filename();
-  for (int n = 1; std::filesystem::exists(to); ++n) to = folder / fmt::format("{}.{}", file.filename().string(), n);
   std::error_code error;
+  for (int n = 1; std::filesystem::exists(to, error); ++n)
+    to = folder / fmt::format("{}.{}", file.filename().string(), n);
   std::filesystem::rename(file, to, error);
   if (error) return Fail(ErrnoError("quarantine", file, error.value()));
   ETUDE_RETURN_IF_ERROR(SyncFolder(folder));

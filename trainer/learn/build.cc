@@ -9,8 +9,8 @@
 #include <map>
 #include <set>
 #include <string_view>
-#include <thread>
 
+#include "services/core/cores.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/language/held_out.h"
@@ -213,8 +213,7 @@ int NewCopies(const TrainingRun& run) {
   // each has a picture of every batch at least
   const int pictures = std::max(1, run.config.data.batch / RanksOf(run));
   if (run.config.threads.replicas > 0) return std::min(run.config.threads.replicas, pictures);
-  const int cores = run.options.replicas > 0 ? run.options.replicas
-                                             : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int cores = run.options.replicas > 0 ? run.options.replicas : Cores();
   return std::clamp(pictures / ThreadsConfig::kFewestPictures, 1, cores);
 }
 

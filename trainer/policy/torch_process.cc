@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <map>
 #include <string>
-#include <thread>
 
+#include "services/core/cores.h"
 #include "services/core/pinned_process.h"
 #include "trainer/policy/torch.h"
 
@@ -33,7 +33,7 @@ void PrepareTorchProcess(char** argv) {
 }
 
 void SetTorchThreads(int threads) {
-  if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  if (threads <= 0) threads = Cores();
   at::set_num_threads(threads);
   at::globalContext().setFlushDenormal(true);
 }

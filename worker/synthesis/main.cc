@@ -16,6 +16,7 @@
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config.h"
+#include "services/core/cores.h"
 #include "services/core/stop.h"
 #include "worker/synthesis/depth_network.h"
 #include "worker/synthesis/drawn_object.h"
@@ -37,7 +38,7 @@ struct Arguments {
   std::string images, depth_network;
   double relief = 0.35;
   std::string view = "top";
-  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  int threads = Cores();
   // both
   double size_m = 0;
   double density = 600;

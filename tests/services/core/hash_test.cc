@@ -46,6 +46,10 @@ TEST(Sha256, WhereTheBytesAreCutDoesNotMatter) {
   EXPECT_NE(ToHex(Sha256Of(bytes)), Sha256Hex(std::span(bytes).first(4999)));
 }
 
+TEST(Sha256, ASeedIsItsFirst52Bits) {
+  EXPECT_EQ(SeedOf(Sha256Of({})), 0xe3b0c44298fc1u);  // of e3b0c442 98fc1c14 ...
+}
+
 TEST(Sha256, PiecesGiveTheSameDigest) {
   Sha256 hash;
   hash.Update(std::string_view("a"));

@@ -55,6 +55,12 @@ TEST(ClaimOutput, AFileTakesNoFoldersPlace) {
   EXPECT_THAT(ClaimOutput(folder / "a.hdf5", Made::kFile, Leftover::kRefuse), IsOk());
 }
 
+// a variable of the shell that is not set
+TEST(ClaimOutput, AnEmptyNameIsNoPlace) {
+  for (const Made made : {Made::kFile, Made::kFolder})
+    EXPECT_EQ(ClaimOutput("", made, Leftover::kRefuse).error().code, Code::kInvalidArgument);
+}
+
 TEST(OutputFolder, OfALinkLiesWhereThatLeads) {
   const TemporaryFolder folder;
   ASSERT_THAT(MakeFolders(folder / "scratch/out"), IsOk());

@@ -2,6 +2,7 @@
 // Tests services/core/stop.cc and stop_reason.cc in child processes, because a stop is for good.
 #include "services/core/stop.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -9,6 +10,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <thread>
 #include <vector>
 
@@ -42,6 +44,46 @@ TEST(StopDeathTest, ASecondSignalKills) {
         ::_exit(0);
       },
       ::testing::KilledBySignal(SIGINT), "");
+}
+
+// a dropped ssh session killed a training without its last checkpoint
+TEST(StopDeathTest, AHangUpStopsAndASecondOneDoesNotKill) {
+  EXPECT_EXIT(
+      {
+        InstallStopSignals();
+        ::raise(SIGHUP);
+        ::raise(SIGHUP);
+        ::_exit(StopRequested() ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
+}
+
+TEST(StopDeathTest, AHangUpThatIsIgnoredStaysSo) {
+  EXPECT_EXIT(
+      {
+        ::signal(SIGHUP, SIG_IGN);  // nohup
+        InstallStopSignals();
+        ::raise(SIGHUP);
+        ::_exit(StopRequested() ? 1 : 0);
+      },
+      ::testing::ExitedWithCode(0), "");
+}
+
+// what is printed while stopping would be an error of the terminal that has gone, and end the stop
+TEST(StopDeathTest, AfterAHangUpTheTerminalIsNotWrittenTo) {
+  EXPECT_EXIT(
+      {
+        const int master = ::posix_openpt(O_RDWR | O_NOCTTY);
+        const bool made = master >= 0 && ::grantpt(master) == 0 && ::unlockpt(master) == 0;
+        const int terminal = made ? ::open(::ptsname(master), O_RDWR | O_NOCTTY) : -1;
+        ::dup2(terminal, STDOUT_FILENO);
+        InstallStopSignals();
+        ::close(master);  // hangs up: writing is EIO from here on
+        const bool gone = ::write(STDOUT_FILENO, "a", 1) == -1 && errno == EIO;
+        ::raise(SIGHUP);
+        ::_exit(terminal >= 0 && gone && ::write(STDOUT_FILENO, "a", 1) == 1 ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
 }
 
 // a limit on files, as batch systems set one, ended the process without words
