@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Run by `cmake --install`: writes units and settings for the prefix. Given: `source`, the folder deploy; `made`, a folder to
-# write in; `bindir` and `share`, where programs and what comes with them go. Settings that are there already are kept.
-if(CMAKE_INSTALL_PREFIX STREQUAL "/usr" OR CMAKE_INSTALL_PREFIX STREQUAL "/usr/local")
+# write in; `prefix`, absolute; `bindir` and `share`, where programs and what comes with them go. Settings that are there already are kept.
+if(prefix STREQUAL "/usr" OR prefix STREQUAL "/usr/local")
   set(settings /etc/etude)
 else()
-  set(settings ${CMAKE_INSTALL_PREFIX}/etc/etude)
+  set(settings ${prefix}/etc/etude)
 endif()
 file(GLOB templates ${source}/systemd/*.in)
 foreach(template IN LISTS templates)
   get_filename_component(name ${template} NAME_WLE)
   configure_file(${template} ${made}/${name} @ONLY)
   if(name MATCHES "service$|target$")
-    file(INSTALL ${made}/${name} DESTINATION ${CMAKE_INSTALL_PREFIX}/lib/systemd/system)
+    file(INSTALL ${made}/${name} DESTINATION ${prefix}/lib/systemd/system)
   endif()
 endforeach()
 foreach(file ${made}/etude.env ${source}/dds/local.xml)

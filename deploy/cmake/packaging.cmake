@@ -18,8 +18,9 @@ install(DIRECTORY deploy/kubernetes deploy/slurm deploy/container
 # Units and their settings name absolute paths, which are known when it is installed and not before.
 install(CODE "set(source [==[${CMAKE_SOURCE_DIR}/deploy]==])
 set(made [==[${CMAKE_BINARY_DIR}/systemd]==])
-set(bindir \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_BINDIR}\")
-set(share \"\${CMAKE_INSTALL_PREFIX}/${ETUDE_SHARE}\")
+get_filename_component(prefix \"\${CMAKE_INSTALL_PREFIX}\" ABSOLUTE)
+set(bindir \"\${prefix}/${CMAKE_INSTALL_BINDIR}\")
+set(share \"\${prefix}/${ETUDE_SHARE}\")
 include([==[${CMAKE_SOURCE_DIR}/deploy/cmake/install_services.cmake]==])")
 install(FILES deploy/systemd/sysusers.conf DESTINATION lib/sysusers.d RENAME etude.conf)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)

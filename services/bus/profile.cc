@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string_view>
+#include <system_error>
 
 #include "services/bus/local_profile.h"
 #include "services/core/file.h"
@@ -95,8 +97,12 @@ Result<std::string> ProfileText(const std::string& profile) {
   const char* const variable = std::getenv("CYCLONEDDS_URI");
   const std::string_view uri = Trimmed(variable != nullptr ? variable : "");
   if (uri.empty()) return std::string(kLocalProfile);
-  if (uri.starts_with('<') || uri.find(',') != std::string_view::npos) return std::string(uri);
-  return ReadProfile(std::string(uri.starts_with(kFileUri) ? uri.substr(kFileUri.size()) : uri));
+  if (uri.starts_with('<')) return std::string(uri);
+  const std::string file(uri.starts_with(kFileUri) ? uri.substr(kFileUri.size()) : uri);
+  // a list, unless that is a file's name: children are told --profile's so
+  std::error_code error;
+  if (uri.find(',') != std::string_view::npos && !std::filesystem::exists(file, error)) return std::string(uri);
+  return ReadProfile(file);
 }
 
 double LeaseSeconds(const std::string& profile) {

@@ -11,6 +11,8 @@
 #include "services/core/clock.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
+#include "services/core/stop.h"
 #include "services/relay/kept_checkpoints.h"
 #include "services/store/safetensors.h"
 
@@ -157,8 +159,18 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
   constexpr auto kRound = 200ms;
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   bool said = false;
+  std::string unclear;  // which run is meant
   while (!stopping()) {
-    ETUDE_ASSIGN_OR_RETURN(const auto run, RunOf(directory, selector, options.folder));
+    const auto found = RunOf(directory, selector, options.folder);
+    // a service is not started again after an error of usage, which this is for people
+    if (!found && ServiceManager::IsThere()) {
+      if (std::exchange(unclear, found.error().message) != found.error().message)
+        Log().warn("{}; waiting until it is clear", found.error().message);
+      WaitForStop(kRound);
+      continue;
+    }
+    if (!found) return Fail(found.error());
+    const auto& run = *found;
     if (!run && !std::exchange(said, true))
       Log().info("waiting for run {}: it is not there, and '{}' keeps nothing of it", selector.text(),
                  options.folder.string());

@@ -9,8 +9,8 @@
 
 namespace etude::relay {
 
-/// RelayRuns on a thread of its own until it is destroyed or a stop is requested. What ends it before is logged: the
-/// process goes on without. The participant must outlive it.
+/// RelayRuns on a thread of its own until it is destroyed or a stop is requested. What ends it before is logged, and it
+/// is tried again every few seconds: the process that it is beside goes on meanwhile. The participant must outlive it.
 class RelayThread {
  public:
   RelayThread(const bus::Participant& participant, const Selector& selector, const RelayOptions& options);

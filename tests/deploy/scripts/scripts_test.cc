@@ -107,14 +107,14 @@ class SlurmScript : public Scripts {
   void SetUp() override {
     StandIn("bin/scontrol", "echo node1");
     StandIn("bin/etude", "");
-    StandIn("bin/etude-collector", "echo collector \"$@\"; trap 'exit 0' TERM; while :; do sleep 0.05; done");
+    StandIn("bin/etude-collector", "trap 'exit 0' TERM; echo collector \"$@\"; while :; do sleep 0.05; done");
     StandIn("bin/srun", "echo workers \"$@\"; exit 2");
     ASSERT_THAT(WriteFileAtomically(folder_ / "spec.yaml", std::string_view("name: \"mine\"  # ours\nepisodes: 3\n")),
                 IsOk());
   }
   auto Submit(const std::string& more, const std::string& by = "") {
     return Run("cd '" + folder_.path().string() +
-               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=1 " + by + " bash " +
+               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=3 " + by + " bash " +
                std::filesystem::absolute("deploy/slurm/etude.sbatch").string() + " " + more);
   }
 };
@@ -150,6 +150,15 @@ TEST_F(SlurmScript, TheCollectorsErrorIsTheJobs) {
 TEST_F(SlurmScript, WorkersJoinTheCampaignAsItIsCalled) {
   EXPECT_THAT(Submit("spec.yaml data").text, HasSubstr("--campaign mine --domain 7"));
   EXPECT_THAT(Submit("spec.yaml data --set name=other").text, HasSubstr("--campaign other --domain 7"));
+}
+
+// the collector alone was secured, and workers in clear waited for it to the end of the job's time
+TEST_F(SlurmScript, WhatWouldBeTheCollectorsAloneIsRefused) {
+  for (const char* alone : {"--security fleet/collector", "--profile=lan.xml", "--domain 3"}) {
+    const auto job = Submit(std::string("spec.yaml data ") + alone);
+    EXPECT_EQ(job.code, 2) << job.text;
+    EXPECT_THAT(job.text, HasSubstr("ETUDE_SECURITY"));
+  }
 }
 
 TEST_F(SlurmScript, SaysHowItIsCalled) {

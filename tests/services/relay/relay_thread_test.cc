@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <optional>
 
 #include "services/relay/kept_checkpoints.h"
 #include "tests/services/bus/two_processes.h"
@@ -72,16 +73,36 @@ TEST(RelayThread, OffersTheLastRunUntilItIsClearWhichOneFollowsIt) {
   EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
 }
 
-// What it is beside of goes on.
-TEST(RelayThread, AFolderThatItCannotHaveEndsItWithWords) {
+// two users with a default name: the server that it is beside of waits too
+TEST(RelayThread, BegunWhereItsNameMeansTwoRunsItRelaysTheOneThatIsLeft) {
+  const auto peers = bus::OpenTwo(kDomain);
+  const TemporaryFolder folder;
+  const bus::Owner first{"doubled", "aaaa000000000001"}, second{"doubled", "bbbb000000000002"};
+  const RelayOptions options{.folder = folder / "relay", .patience = 50ms};
+  auto run = std::make_unique<ExampleRun>(peers.b, first, folder / first.id);
+  ExampleRun other(peers.b, second, folder / second.id);
+  other.Publish(ExampleBlob(second.id, "latest", 1, 1));
+  auto directory = bus::Directory::Open(peers.a).value();
+  ASSERT_TRUE(WaitFor([&] { return directory.Matching(bus::PresenceKind::kRun, {"doubled", ""}).size() == 2; }));
+  const RelayThread relay(peers.a, {"doubled", ""}, options);
+  run.reset();
+  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+}
+
+// What it is beside of goes on, and so does it once it can.
+TEST(RelayThread, AFolderThatItCannotHaveYetIsSaidAndTriedAgain) {
   const auto peers = bus::OpenTwo(kDomain);
   const TemporaryFolder folder;
   const bus::Owner run{"kept-out", "aaaa000000000001"};
-  const auto holder = KeptCheckpoints::Open(folder.path(), run);
-  ASSERT_THAT(holder, IsOk());
-  const RelayOptions options{.folder = folder.path()};
+  auto holder = std::make_optional(KeptCheckpoints::Open(folder / "relay", run));
+  ASSERT_THAT(*holder, IsOk());
+  const RelayOptions options{.folder = folder / "relay", .patience = 50ms};
   EXPECT_THAT(RelayRuns(peers.a, {run.name, run.id}, options, [] { return false; }), HasCode(Code::kUnavailable));
+  ExampleRun published(peers.b, run, folder / run.id);
   const RelayThread relay(peers.a, {run.name, run.id}, options);
+  holder.reset();
+  published.Publish(ExampleBlob(run.id, "latest", 5, 5));
+  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == run.id; }));
 }
 
 }  // namespace relay_thread_test
