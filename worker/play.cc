@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <deque>
-#include <filesystem>
 #include <optional>
 #include <thread>
 
@@ -22,7 +21,6 @@
 #include "services/play/client.h"
 #include "services/policy/client.h"
 #include "services/spec/object_names.h"
-#include "services/store/dataset.h"
 #include "worker/task/play_session.h"
 #include "worker/view/frame.h"
 
@@ -368,14 +366,6 @@ void PlayHost::PublishPicture() {
     Log().warn("session={}: {}", state_.session, written.error().message);
 }
 
-// A campaign file, or the folder of a dataset.
-Result<CampaignSpec> SpecOf(const campaign::SpecArguments& asked) {
-  std::error_code error;
-  if (!std::filesystem::is_directory(asked.file, error)) return campaign::LoadSpec(asked);
-  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(asked.file));
-  return campaign::WithOverrides(reader.spec(), asked.overrides);
-}
-
 }  // namespace
 
 CLI::App* AddPlay(CLI::App& app, PlayOptions& options) {
@@ -405,7 +395,7 @@ Status Play(const PlayOptions& options, const bus::Arguments& bus, const sim::Re
     return Fail(Code::kInvalidArgument,
                 fmt::format("--session '{:.80}': letters, digits, _ and -, 1 to 64 of them", chosen.session));
   if (chosen.spec.seed) chosen.spec.overrides.push_back(fmt::format("seed={}", *chosen.spec.seed));
-  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, SpecOf(chosen.spec));
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpecOrDataset(chosen.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "play"}));
   ETUDE_ASSIGN_OR_RETURN(PlayHost host, PlayHost::Open(chosen, spec, participant, renderer));

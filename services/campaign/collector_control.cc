@@ -124,6 +124,13 @@ bool IsDigest(const std::string& text) {
 
 }  // namespace
 
+// The first worker that asks says which files and libraries count; it may have been the odd one.
+std::string Collector::Impl::WhileNothingIsCommitted() const {
+  const MutexLock lock(mutex);
+  if (table.committed() > 0) return "";
+  return "; nothing is committed yet: the collector started again begins with those of the worker that asks first";
+}
+
 // Workers that would make other episodes than the rest, or that we would misunderstand.
 std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& request) {
   const auto other = [&](const char* what, std::uint32_t here, std::uint32_t there) {
@@ -148,8 +155,8 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
   if (request.files_sha256 != *files_sha256)
     return fmt::format(
         "campaign '{}' began with other robot or object files than this worker has under the same paths "
-        "(SHA-256 {}, here {}): copy them from where it began, or collect into another folder",
-        spec.name, *files_sha256, request.files_sha256);
+        "(SHA-256 {}, here {}): copy them from where it began, or collect into another folder{}",
+        spec.name, *files_sha256, request.files_sha256, WhileNothingIsCommitted());
   return WhyUnlike(request);
 }
 
@@ -163,12 +170,12 @@ std::optional<std::string> Collector::Impl::WhyUnlike(const bus::WorkRequest& re
     if (const Status remembered = RememberFingerprint(sink->folder(), *there); !remembered)
       Log().warn("after a restart the first worker's fingerprint will count: {}", remembered.error().message);
   }
-  const auto difference = FirstDifference(*fingerprint, *there, spec.determinism);
+  const auto difference = FirstDifference(*there, *fingerprint, spec.determinism);
   if (!difference) return std::nullopt;
   return fmt::format(
       "this host's episodes would have other bytes than those of campaign '{}' ({}): use the same libraries and driver "
-      "(`etude worker --fingerprint` prints them), or allow it with determinism: physics or none",
-      spec.name, *difference);
+      "(`etude worker --fingerprint` prints them), or allow it with determinism: physics or none{}",
+      spec.name, *difference, WhileNothingIsCommitted());
 }
 
 bus::Lease Collector::Impl::Answer(const bus::WorkRequest& request) {
@@ -429,6 +436,7 @@ std::string Collector::Impl::Follow(bus::ControlAction action) {
     case bus::ControlAction::kResume:
       if (leasing == Leasing::kOn) return fmt::format("campaign '{}' is not paused", spec.name);
       leasing = Leasing::kOn;
+      policy_away_since.reset();  // while nobody asked it, its silence said nothing
       return "";
     case bus::ControlAction::kStop:
       stop = true;

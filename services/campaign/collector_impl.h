@@ -147,6 +147,7 @@ struct Collector::Impl {
   void Greet(const bus::WorkRequest& request);
   std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
   std::optional<std::string> WhyUnlike(const bus::WorkRequest& request);
+  std::string WhileNothingIsCommitted() const ETUDE_EXCLUDES(mutex);
   bus::Lease Answer(const bus::WorkRequest& request);
   Assignment Assign(const bus::WorkRequest& request);
   bool HoldsElsewhere(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);

@@ -3,8 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <system_error>
+
 #include "services/core/clock.h"
 #include "services/spec/object_names.h"
+#include "services/store/dataset.h"
 
 namespace etude::campaign {
 namespace {
@@ -38,6 +42,13 @@ Result<CampaignSpec> LoadSpec(const SpecArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(spec->objects, ExpandObjects(spec->objects));
   ETUDE_RETURN_IF_ERROR(spec->Validate());
   return spec;
+}
+
+Result<CampaignSpec> LoadSpecOrDataset(const SpecArguments& arguments) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(arguments.file, error)) return LoadSpec(arguments);
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(arguments.file));
+  return WithOverrides(reader.spec(), arguments.overrides);
 }
 
 Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::string>& overrides) {

@@ -21,6 +21,9 @@ struct SpecArguments {
 /// File, then overrides, then --episodes and --seed; validated.
 /// @error kInvalidArgument: no such file, or all its problems at once
 Result<CampaignSpec> LoadSpec(const SpecArguments& arguments);
+/// The same where `file` may be the folder of a dataset, whose spec it is then, with the overrides alone.
+/// @error of the store, too
+Result<CampaignSpec> LoadSpecOrDataset(const SpecArguments& arguments);
 /// A spec that comes from elsewhere (a dataset, a command's own) with `overrides` ("a.b=c") over it; validated.
 /// @error kInvalidArgument (all problems at once)
 Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::string>& overrides);

@@ -32,6 +32,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr double kSayAgain_s = 30;  // what is waited for
+
 // What a worker has made itself ready for. It outlives the way from one shard to the next: they have one spec.
 struct Readiness {
   std::string spec_sha256;  // that `work` was made for
@@ -99,7 +101,7 @@ Status WorkerClient::Impl::Join() {
   bool said = false;
   while (!StopRequested() && !Unwanted() && !collectors.Complete() && !(joined && joined->collector->announcement)) {
     watched->Moved();
-    if ((!said && collectors.empty()) || since_word.Seconds() > 30) {
+    if ((!said && collectors.empty()) || since_word.Seconds() > kSayAgain_s) {
       Log().info("waiting for campaign={}: is its collector running on this domain?", selector().text());
       since_word.Restart();
       said = true;
@@ -256,6 +258,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   bus::Lease none;
   // the first answers may be lost while both sides still discover each other
   auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
+  Stopwatch unheard;  // since it was said last
   while (!StopRequested()) {
     watched->Moved();
     const bus::WorkRequest request = NextRequest();
@@ -269,6 +272,12 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
         joined->asked = 0;
         return lease;
       }
+    }
+    if (unheard.Seconds() > kSayAgain_s) {
+      unheard.Restart();
+      Log().warn(
+          "no answer from the collector of campaign {}@{}: waiting for it; is it running, and can it be reached?",
+          selector().name, joined->id);
     }
     joined->collector->TakeAnnouncements();
     const bool complete = joined->collector->complete();

@@ -48,7 +48,7 @@ Status CollectEpisodes(const CollectArguments& arguments) {
   const auto progress = hosted->progress();
   fmt::print("{} {}\n{}\n", progress.complete ? "complete:" : "stopped, run again to continue:", arguments.out,
              campaign::SummaryText(progress));
-  return {};
+  return CheckNotAllGivenUp(progress, arguments.out);
 }
 
 }  // namespace
@@ -59,7 +59,7 @@ void AddCollect(CLI::App& app, Body& body) {
   command->add_option("spec", arguments->spec.file, "campaign file (YAML), see deploy/campaigns/")->required();
   command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")->required();
   command->add_option("--workers", arguments->workers, "local workers, 0 for only those of other hosts")
-      ->check(CLI::Range(0, 100))
+      ->check(CLI::Range(0, kMostWorkers))
       ->capture_default_str();
   command->add_option("--episodes", arguments->spec.episodes, "instead of the file's count");
   command->add_option("--seed", arguments->spec.seed, "instead of the file's seed");

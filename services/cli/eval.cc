@@ -116,7 +116,7 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalAr
 // The campaign whose scenes are used.
 Result<CampaignSpec> BaseSpec(const EvalArguments& arguments) {
   if (arguments.scenes.empty()) return CampaignSpec();
-  return campaign::LoadSpec({arguments.scenes, {}, {}, {}});
+  return campaign::LoadSpecOrDataset({arguments.scenes, {}, {}, {}});
 }
 
 Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
@@ -250,8 +250,9 @@ void AddScenes(CLI::App& command, EvalArguments& arguments) {
   auto* tasks = command.add_option("--tasks", evaluation.tasks,
                                    "comma-separated; left out: those of --scenes, else pick,push,put_down");
   tasks->delimiter(',')->allow_extra_args(false);
-  command.add_option("--scenes", arguments.scenes,
-                     "campaign file whose robots, tasks, camera, objects and randomisation to use");
+  command.add_option(
+      "--scenes", arguments.scenes,
+      "campaign file, or a dataset's folder, whose robots, tasks, camera, objects and randomisation to use");
   command.add_flag("--first-draw", arguments.first_draw,
                    "take scenes as they are drawn; those in which the expert cannot do the task are counted, shown "
                    "and left out of n");
@@ -307,7 +308,7 @@ void AddEval(CLI::App& app, Body& body) {
                  "show it pictures of another camera than it was trained with, too, which else it refuses")
       ->needs(checkpoint);
   command->add_option("--workers", arguments->workers, "local workers")
-      ->check(CLI::Range(0, 100))
+      ->check(CLI::Range(0, kMostWorkers))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
   AddVideos(*command, arguments->evaluation);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/cli/hosted_campaign.h"
 
+#include <fmt/format.h>
+
 #include <atomic>
 #include <thread>
 
@@ -71,6 +73,15 @@ Status HostedCampaign::Finish() {
   if (pool_) pool_->Stop();
   host_->Join();
   return host_->status;
+}
+
+Status CheckNotAllGivenUp(const campaign::CollectorProgress& progress, const Path& dataset) {
+  if (!progress.complete || progress.committed > 0 || progress.given_up == 0) return {};
+  return Fail(
+      Code::kExhausted,
+      fmt::format("'{}' is complete and has no episode: all {} were given up after max_attempts attempts; why is "
+                  "in '{}'",
+                  dataset.string(), progress.given_up, (dataset / "attempts.jsonl").string()));
 }
 
 campaign::CollectorProgress HostedCampaign::progress() const { return host_->collector.progress(); }

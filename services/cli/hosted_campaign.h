@@ -50,4 +50,7 @@ class HostedCampaign {
   std::optional<WorkerPool> pool_;
 };
 
+/// @error kExhausted: a complete campaign has given up every episode: there is nothing to go on with
+Status CheckNotAllGivenUp(const campaign::CollectorProgress& progress, const Path& dataset);
+
 }  // namespace etude::cli

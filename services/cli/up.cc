@@ -71,8 +71,10 @@ class System {
 
  private:
   Status CollectAndTrain();
-  Status EndCollection(std::uint64_t enough);
-  Status StartTraining();
+  Status EndCollection();
+  std::uint64_t EnoughToTrain() const { return std::min(config_.train.start_episodes, spec_.episodes); }
+  Status TrainOnceThereIsEnough(const campaign::CollectorProgress& collected);
+  Status StartTraining(bool grows);
   Status StartServing();
   Status Tick();
   void TickDashboard();
@@ -112,23 +114,31 @@ bool GoesOn(const UpConfig& config) {
 }
 
 // What the trainer is told, but for the bus. An earlier `up` on the same folder that was stopped is gone on with.
-std::vector<std::string> TrainingWords(const UpConfig& config) {
+// `grows`: data that is not there yet is waited for.
+std::vector<std::string> TrainingWords(const UpConfig& config, bool grows) {
   std::vector<std::string> words{"--data",    (Path(config.out) / "dataset").string(),
                                  "--config",  config.train.config,
                                  "--out",     RunFolder(config).string(),
                                  "--name",    config.train.run,
-                                 "--minutes", fmt::format("{}", config.train.minutes),
-                                 "--follow"};
+                                 "--minutes", fmt::format("{}", config.train.minutes)};
+  if (grows) words.emplace_back("--follow");
   for (const auto& text : config.train.set) words.insert(words.end(), {"--set", text});
   if (GoesOn(config)) words.emplace_back("--resume");
   return words;
 }
 
-Status System::StartTraining() {
+// A complete collection may have less than training was to begin with, and nothing more will come.
+Status System::TrainOnceThereIsEnough(const campaign::CollectorProgress& collected) {
+  if (trainer_ || (!collected.complete && collected.committed < EnoughToTrain())) return {};
+  ETUDE_RETURN_IF_ERROR(CheckNotAllGivenUp(collected, out_ / "dataset"));
+  return StartTraining(!collected.complete);
+}
+
+Status System::StartTraining(bool grows) {
   const Path run = RunFolder(config_);
   ServiceOptions trainer;
   trainer.program = "etude-trainer";
-  trainer.arguments = TrainingWords(config_);
+  trainer.arguments = TrainingWords(config_, grows);
   const auto flags = bus_.Flags(security::Role::kTrainer);
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
   if (!GoesOn(config_)) {
@@ -192,6 +202,17 @@ void System::TickDashboard() {
   record_->SetAddress(now);
 }
 
+// `etude up OUT/up.yaml` goes on with it.
+Status KeepForNextTime(const UpConfig& config, const CampaignSpec& spec) {
+  UpConfig resolved = config;
+  std::error_code ignored;
+  resolved.campaign = std::filesystem::absolute(config.campaign, ignored).lexically_normal().string();
+  resolved.out = std::filesystem::absolute(config.out, ignored).lexically_normal().string();
+  std::erase_if(resolved.campaign_set, [](const std::string& set) { return set.starts_with("episodes="); });
+  resolved.campaign_set.push_back(fmt::format("episodes={}", spec.episodes));
+  return WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(ToJson(resolved)));
+}
+
 Status System::CollectAndTrain() {
   record_->SetPhase("collect and train",
                     fmt::format("{} demonstrations, {:g} min of training", spec_.episodes, config_.train.minutes));
@@ -202,15 +223,16 @@ Status System::CollectAndTrain() {
                                                              .logs = out_ / "logs",
                                                              .claim = claim_,
                                                              .run_id = run_.id}));
-  const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
+  // not before: another campaign's dataset is refused, and its file must stay what made it
+  ETUDE_RETURN_IF_ERROR(KeepForNextTime(config_, spec_));
   // what was asked for is collected, however short the training is; rollouts then have the cores to themselves
   const auto all_done = [this] { return trainer_ && trainer_->done() && !collection_; };
   while (!StopRequested() && !all_done()) {
     ETUDE_RETURN_IF_ERROR(Tick());
     if (collection_) {
       const auto progress = collection_->progress();
-      if (!trainer_ && (progress.committed >= enough || progress.complete)) ETUDE_RETURN_IF_ERROR(StartTraining());
-      if (collection_->ended()) ETUDE_RETURN_IF_ERROR(EndCollection(enough));
+      ETUDE_RETURN_IF_ERROR(TrainOnceThereIsEnough(progress));
+      if (collection_->ended()) ETUDE_RETURN_IF_ERROR(EndCollection());
     }
     if (display_.due()) display_.Show(Line());
     WaitForStop(100ms);
@@ -219,18 +241,19 @@ Status System::CollectAndTrain() {
 }
 
 // It is complete, or somebody has stopped it: then there may be too little to begin to train with.
-Status System::EndCollection(std::uint64_t enough) {
+Status System::EndCollection() {
   ETUDE_RETURN_IF_ERROR(collection_->Finish());
   collected_ = collection_->progress();
   collection_.reset();
   display_.Say(
       fmt::format("[{}] collected:\n{}", FormatDuration(since_start_.Seconds()), campaign::SummaryText(*collected_)));
-  if (trainer_ || StopRequested()) return {};
-  if (collected_->committed >= enough || collected_->complete) return StartTraining();
+  if (StopRequested()) return {};
+  ETUDE_RETURN_IF_ERROR(TrainOnceThereIsEnough(*collected_));
+  if (trainer_) return {};
   return Fail(Code::kUnavailable,
               fmt::format("train: the campaign was stopped with {} of the {} episodes that training begins with "
                           "(train.start_episodes); run again to go on",
-                          collected_->committed, enough));
+                          collected_->committed, EnoughToTrain()));
 }
 
 std::string System::TrainLine() const {
@@ -352,8 +375,9 @@ Result<UpConfig> Load(const UpArguments& arguments) {
   if (arguments.minutes) config.train.minutes = *arguments.minutes;
   if (arguments.workers) config.workers = *arguments.workers;
   if (arguments.domain) config.domain = *arguments.domain;
-  if (config.workers < 0 || config.workers > 100)
-    return Fail(Code::kInvalidArgument, fmt::format("{}: workers: {} not in 0..100", arguments.file, config.workers));
+  if (config.workers < 0 || config.workers > kMostWorkers)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: workers: {} not in 0..{}", arguments.file, config.workers, kMostWorkers));
   if (config.workers == 0) config.workers = DefaultWorkers();
   return config;
 }
@@ -367,7 +391,7 @@ Status CheckEvaluation(const UpConfig& config, const CampaignSpec& collected, co
 
 // So is what the trainer would: it begins only when enough is collected.
 Status CheckTraining(const UpConfig& config, const std::string& file) {
-  std::vector<std::string> words = TrainingWords(config);
+  std::vector<std::string> words = TrainingWords(config, true);
   words.emplace_back("--check");
   const Status good = CheckBySibling("etude-trainer", std::move(words));
   if (good) return {};
@@ -394,15 +418,6 @@ Status Up(const UpArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(config.out));
   ETUDE_ASSIGN_OR_RETURN(const FileLock lock,
                          FileLock::Take(Path(config.out) / ".up.lock", fmt::format("'{}' is brought up", config.out)));
-  // `etude up OUT/up.yaml` goes on with it
-  UpConfig resolved = config;
-  std::error_code ignored;
-  resolved.campaign = std::filesystem::absolute(config.campaign, ignored).lexically_normal().string();
-  resolved.out = std::filesystem::absolute(config.out, ignored).lexically_normal().string();
-  std::erase_if(resolved.campaign_set, [](const std::string& set) { return set.starts_with("episodes="); });
-  resolved.campaign_set.push_back(fmt::format("episodes={}", spec.episodes));
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(ToJson(resolved))));
-
   const BusArguments bus{config.domain, arguments.profile, arguments.log, arguments.security};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open({security::Role::kCollector, security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
@@ -434,7 +449,7 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_option("--episodes", arguments->episodes, "demonstrations, instead of the campaign file's count");
   command->add_option("--minutes", arguments->minutes, "of training");
   command->add_option("--out", arguments->out, "folder for dataset, run, evaluation and logs; resumes what is there");
-  command->add_option("--workers", arguments->workers, "local workers")->check(CLI::Range(1, 100));
+  command->add_option("--workers", arguments->workers, "local workers")->check(CLI::Range(1, kMostWorkers));
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
   command->add_flag("--no-dashboard", arguments->no_dashboard, "without the web pages");
   command

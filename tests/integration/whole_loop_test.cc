@@ -13,6 +13,7 @@
 
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
+#include "services/core/command.h"
 #include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/store/dataset.h"
@@ -101,6 +102,20 @@ class WholeLoop : public testing::Test {
     return true;
   }
 
+  // Refused, and what goes on with the folder stays what made it.
+  void ExpectAnotherCampaignIsRefused() {
+    const auto kept = ReadTextFile(out_ / "up.yaml");
+    ASSERT_TRUE(kept.has_value());
+    std::ofstream(folder_ / "campaign.yaml", std::ios::app) << "image_stride: 8\n";
+    const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
+                           out_.string() + " --minutes 0.6 --set eval.seed=3 --no-dashboard --domain " +
+                           std::to_string(kDomain) + " > " + log_.string() + " 2>&1";
+    EXPECT_EQ(RunCommand(up), kExitUsage) << ReadTextFile(log_).value_or("");
+    EXPECT_NE(ReadTextFile(log_).value_or("").find("image_stride"), std::string::npos);
+    EXPECT_EQ(ReadTextFile(out_ / "up.yaml").value_or(""), *kept);
+    WriteConfigs();
+  }
+
   // Training is over and its process gone: who is started again has the weights from the relay.
   void ExpectAKilledPolicyServesAgain() {
     auto up = KeepRunning();
@@ -155,6 +170,7 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   ExpectDriverFollowsAPolicy(Binary("etude").parent_path(), file, kDomain, folder_);
   ExpectSubscriberTakesACheckpoint(Binary("etude").parent_path(), file, kDomain, folder_);
 
+  ExpectAnotherCampaignIsRefused();
   ExpectAKilledPolicyServesAgain();
 }
 

@@ -13,7 +13,10 @@
 #include "services/core/file.h"
 #include "services/spec/episode_plan.h"
 #include "services/spec/task_name.h"
+#include "services/store/dataset.h"
 #include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
 namespace spec_file_test {
@@ -150,6 +153,19 @@ TEST(WithOverrides, ExpandsGeneratedObjects) {
   ASSERT_THAT(spec, IsOk());
   EXPECT_EQ(spec->objects.size(), 70u);
   EXPECT_THAT(WithOverrides(CampaignSpec(), {"objects=[generated:tests]"}), HasCode(Code::kInvalidArgument));
+}
+
+// what a policy was trained on is at hand where its campaign file may not be
+TEST(LoadSpecOrDataset, TakesADatasetsFolder) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec();
+  spec.tasks = {"push"};
+  ASSERT_THAT(store::DatasetWriter::Open(folder / "data", spec), IsOk());
+  const auto found = LoadSpecOrDataset({(folder / "data").string(), {}, {}, {}});
+  ASSERT_THAT(found, IsOk());
+  EXPECT_EQ(SpecHash(*found), SpecHash(spec));
+  EXPECT_EQ(LoadSpecOrDataset({(kFolder / "obstacle.yaml").string(), {}, {}, {}})->name, "obstacle");
+  EXPECT_THAT(LoadSpecOrDataset({folder.path().string(), {}, {}, {}}), HasCode(Code::kNotFound));
 }
 
 }  // namespace spec_file_test

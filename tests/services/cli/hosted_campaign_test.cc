@@ -113,5 +113,18 @@ TEST_F(Hosted, TwoDoNotWriteOneFolder) {
   EXPECT_THAT((*first)->Finish(), IsOk());
 }
 
+// `etude collect … && etude train …` went on to train with nothing
+TEST(NotAllGivenUp, IsAskedOfWhatIsCompleteAlone) {
+  campaign::CollectorProgress progress;
+  progress.total = progress.given_up = 5;
+  EXPECT_TRUE(CheckNotAllGivenUp(progress, "data")) << "it may still make one";
+  progress.complete = true;
+  const Status none = CheckNotAllGivenUp(progress, "data");
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().message.find("data/attempts.jsonl"), std::string::npos) << none.error().message;
+  progress.given_up = 4, progress.committed = 1;
+  EXPECT_TRUE(CheckNotAllGivenUp(progress, "data"));
+}
+
 }  // namespace hosted_campaign_test
 }  // namespace etude::cli
