@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/episode/bounded_json.h"
 
+#include <algorithm>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,6 +25,13 @@ std::optional<OrderedJson> ParseBoundedJson(std::string_view text, int max_depth
   OrderedJson json = OrderedJson::parse(text, watch, /*allow_exceptions=*/false);
   if (!good || json.is_discarded()) return std::nullopt;
   return json;
+}
+
+bool IsBounded(const OrderedJson& json, int max_depth) {
+  if (!json.is_structured() || json.empty()) return true;
+  // the parser counts what is open around a value
+  return max_depth > 0 &&
+         std::all_of(json.begin(), json.end(), [&](const OrderedJson& in) { return IsBounded(in, max_depth - 1); });
 }
 
 }  // namespace etude

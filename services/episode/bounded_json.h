@@ -18,4 +18,7 @@ inline constexpr int kMaxJsonDepth = 40;
 /// first.
 std::optional<OrderedJson> ParseBoundedJson(std::string_view text, int max_depth = kMaxJsonDepth);
 
+/// Whether ParseBoundedJson takes the value's text back, as far as depth goes. Goes no deeper than `max_depth`.
+bool IsBounded(const OrderedJson& json, int max_depth = kMaxJsonDepth);
+
 }  // namespace etude

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "services/core/file.h"
+#include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
 
@@ -38,6 +39,7 @@ Status CheckTexts(const Episode& episode) {
     return Bad("stage_names: one is too long or has a NUL");
   if (episode.stage_names.size() > 255) return Bad("stage_names: more than 255");
   if (!episode.details.is_object()) return Bad("details: not a map");
+  if (!IsBounded(episode.details)) return Bad(fmt::format("details: nested deeper than {}", kMaxJsonDepth));
   return {};
 }
 

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "services/codec/frame.h"
+#include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/episode/action.h"
 #include "services/episode/bounded_json.h"
@@ -100,6 +101,17 @@ Result<std::vector<Recording>> ListRecordings(const Path& folder) {
     return Fail(Code::kNotFound,
                 fmt::format("no demonstrations in '{}': it has no folder with a states.json", folder.string()));
   return recordings;
+}
+
+// Two imports are not of one spec, in which a number would mean one episode. Of one that cannot be read its name
+// counts.
+std::uint64_t SeedOf(const std::vector<Recording>& recordings) {
+  Sha256 hash;
+  for (const Recording& recording : recordings) {
+    hash.Update(recording.name + "\n");
+    hash.Update(ReadTextFile(recording.folder / "states.json", kMostStates).value_or(""));
+  }
+  return etude::SeedOf(hash.Finish());
 }
 
 Result<OrderedJson> ReadStates(const Path& folder) {
@@ -234,8 +246,8 @@ class Converter {
 class Importer {
  public:
   Importer(const Fingers& fingers, const language::Grammar& grammar, const Path& out, const ModattnOptions& options,
-           std::size_t recordings)
-      : fingers_(fingers), grammar_(grammar), out_(out), options_(options), recordings_(recordings) {}
+           std::size_t recordings, std::uint64_t seed)
+      : fingers_(fingers), grammar_(grammar), out_(out), options_(options), recordings_(recordings), seed_(seed) {}
 
   Status Add(const Recording& recording) {
     const auto episode = Convert(recording);
@@ -328,6 +340,7 @@ class Importer {
     if (spec_) return;
     spec_.emplace();
     spec_->name = options_.name;
+    spec_->seed = seed_;
     spec_->episodes = recordings_;
     spec_->robots = {options_.robot};
     spec_->objects.clear();
@@ -345,6 +358,7 @@ class Importer {
   Path out_;
   const ModattnOptions& options_;
   const std::size_t recordings_;
+  const std::uint64_t seed_;
   std::optional<CampaignSpec> spec_;
   std::optional<store::DatasetWriter> writer_;
   std::uint64_t count_ = 0;
@@ -368,7 +382,7 @@ Result<ModattnReport> ImportModattn(const Path& folder, const Path& out, const M
   ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::Load());
   ETUDE_ASSIGN_OR_RETURN(auto place, OutputFolder::Create(out, options.leftover));
   ModattnReport report;
-  Importer importer(fingers, grammar, place.path(), options, recordings.size());
+  Importer importer(fingers, grammar, place.path(), options, recordings.size(), SeedOf(recordings));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     if (StopRequested())
       return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "

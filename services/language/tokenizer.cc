@@ -57,9 +57,10 @@ std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerCon
       for (std::size_t i = 0; i + n <= framed.size(); ++i)
         features.push_back(Bucket(std::string_view(framed).substr(i, n), 'n', config.buckets));
     features.push_back(Bucket(previous + " " + word, 'p', config.buckets));
-    if (senses)
-      for (const auto& sense : *senses->Of(previous, word))
-        features.push_back(config.buckets + Bucket(sense, 's', kSenseBuckets));
+    if (senses) {
+      const auto names = senses->Of(previous, word);  // may be nobody else's
+      for (const auto& sense : *names) features.push_back(config.buckets + Bucket(sense, 's', kSenseBuckets));
+    }
     words.push_back(std::move(features));
     previous = word;
   }

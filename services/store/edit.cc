@@ -37,6 +37,22 @@ bool NeedsEpisodes(const Selection& s) {
          s.min_steps || s.max_steps;
 }
 
+bool IsFull(const Path& folder) {
+  constexpr std::uintmax_t kLittle = 1 << 20;
+  std::error_code error;
+  const auto space = fs::space(folder, error);
+  return !error && space.available < kLittle;
+}
+
+// @error kNotFound: it is not there; kUnavailable: it cannot be looked for
+Status CheckHasEpisode(const Path& dataset, std::uint64_t index) {
+  const Path file = EpisodePath(dataset, index);
+  std::error_code error;
+  if (fs::exists(file, error)) return {};
+  if (error) return Fail(ErrnoError("look for", file, error.value()));
+  return Fail(Code::kNotFound, fmt::format("dataset '{}' has no episode {}", dataset.string(), index));
+}
+
 // Episodes that filter keys and indices leave.
 Result<std::vector<std::uint64_t>> Candidates(const DatasetReader& reader, const Selection& selection) {
   ETUDE_ASSIGN_OR_RETURN(auto indices, reader.List());
@@ -52,9 +68,7 @@ Result<std::vector<std::uint64_t>> Candidates(const DatasetReader& reader, const
     std::erase_if(indices, [&](std::uint64_t index) { return !chosen.contains(index); });
   }
   if (selection.indices.empty()) return indices;
-  for (const std::uint64_t index : selection.indices)
-    if (!fs::exists(EpisodePath(reader.path(), index)))
-      return Fail(Code::kNotFound, fmt::format("dataset '{}' has no episode {}", reader.path().string(), index));
+  for (const std::uint64_t index : selection.indices) ETUDE_RETURN_IF_ERROR(CheckHasEpisode(reader.path(), index));
   std::erase_if(indices, [&](std::uint64_t index) { return !selection.indices.contains(index); });
   return indices;
 }
@@ -129,12 +143,19 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
   ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::LockDataset(dataset));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   for (const std::uint64_t index : indices)
-    if (!fs::exists(EpisodePath(dataset, index)))
-      return Fail(Code::kNotFound,
-                  fmt::format("delete from '{}': it has no episode {}; nothing was deleted", dataset.string(), index));
+    if (Status there = CheckHasEpisode(dataset, index); !there)
+      return Fail(there.error().Wrap("delete, and nothing was deleted"));
   ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(dataset));
   // from here on it will be done, by this process or by the next one
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"));
+  const auto intend = [&] { return WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"); };
+  Status intended = intend();
+  if (!intended && IsFull(dataset)) {
+    // a full disk, on which one deletes, has no room to write that down: the first episode makes it
+    std::error_code error;
+    fs::remove(EpisodePath(dataset, indices.front()), error);
+    if (!error) intended = intend();
+  }
+  ETUDE_RETURN_IF_ERROR(intended);
   return internal::FinishDeletion(dataset);
 }
 
@@ -151,9 +172,10 @@ namespace internal {
 Status CopyDescription(const Path& from, const Path& to) {
   ETUDE_ASSIGN_OR_RETURN(const std::string description, ReadTextFile(from / kDatasetJson));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(to / kDatasetJson, description));
-  if (!fs::exists(from / kSampling)) return {};
-  ETUDE_ASSIGN_OR_RETURN(const std::string journal, ReadTextFile(from / kSampling));
-  return WriteFileAtomically(to / kSampling, journal);
+  const auto journal = ReadTextFile(from / kSampling);
+  if (!journal && journal.error().code == Code::kNotFound) return {};
+  if (!journal) return Fail(journal.error());
+  return WriteFileAtomically(to / kSampling, *journal);
 }
 
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to) {

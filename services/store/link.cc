@@ -82,7 +82,8 @@ tl::unexpected<Error> OtherFilesystem(const Path& from, const Path& to) {
 // The device of `path`, or of the nearest folder above it that is there.
 std::optional<dev_t> DeviceOf(const Path& path) {
   struct stat info {};
-  for (Path at = std::filesystem::absolute(path).lexically_normal();; at = at.parent_path()) {
+  std::error_code error;
+  for (Path at = std::filesystem::absolute(path, error).lexically_normal();; at = at.parent_path()) {
     if (::stat(at.c_str(), &info) == 0) return info.st_dev;
     if (at == at.parent_path()) return std::nullopt;
   }

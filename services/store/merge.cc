@@ -36,9 +36,9 @@ Result<std::vector<Part>> OpenParts(const std::vector<Path>& datasets) {
 
 // The journal's text, "" where there is none.
 Result<std::string> JournalOf(const Path& dataset) {
-  const Path path = dataset / internal::kSampling;
-  if (!fs::exists(path)) return std::string();
-  return ReadTextFile(path);
+  auto text = ReadTextFile(dataset / internal::kSampling);
+  if (!text && text.error().code == Code::kNotFound) return std::string();
+  return text;
 }
 
 bool OfOneSpec(const std::vector<Part>& parts) {
@@ -65,10 +65,12 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
       ETUDE_ASSIGN_OR_RETURN(const auto a, ReadBinaryFile(EpisodePath(first, index), internal::kMaxEpisodeFile));
       ETUDE_ASSIGN_OR_RETURN(const auto b, ReadBinaryFile(EpisodePath(second, index), internal::kMaxEpisodeFile));
       if (a != b)
-        return Fail(Code::kInvalidArgument,
-                    fmt::format("merge: '{}' and '{}' are of one spec, but their episodes {} differ; `etude dataset "
-                                "verify` says which one is damaged",
-                                first.string(), second.string(), index));
+        return Fail(
+            Code::kInvalidArgument,
+            fmt::format("merge: '{}' and '{}' are of one spec, but their episodes {} differ: one is damaged, which "
+                        "`etude dataset verify` says, or both were imported or merged by an older program, which "
+                        "gave them one spec: import or merge them anew",
+                        first.string(), second.string(), index));
     }
   return owners;
 }
@@ -123,6 +125,16 @@ bool OneWorld(const CampaignSpec& spec, const CampaignSpec& other) {
          ToJson(spec.randomization.world) == ToJson(other.randomization.world);
 }
 
+// Of what goes into it: two merges of other episodes are not of one spec, in which a number would mean one episode.
+std::uint64_t SeedOf(const std::vector<Part>& parts) {
+  Sha256 hash;
+  for (const Part& part : parts) {
+    hash.Update(fmt::format("{} {}\n", part.reader.spec_sha256(), part.reader.spec().name));
+    for (const std::uint64_t index : part.indices) hash.Update(fmt::format("{}\n", index));
+  }
+  return etude::SeedOf(hash.Finish());
+}
+
 Result<CampaignSpec> JointSpec(const std::vector<Part>& parts) {
   CampaignSpec spec = parts[0].reader.spec();
   spec.episodes = 0;
@@ -146,9 +158,18 @@ Result<CampaignSpec> JointSpec(const std::vector<Part>& parts) {
     world.camera_position = world.camera_aim = world.camera_roll = world.fovy_deg = 0;
   }
   spec.name = "merged";
+  spec.seed = SeedOf(parts);
   spec.task_weights.clear();
   spec.adaptive_sampling = {};
   return spec;
+}
+
+// How many merges an episode has gone through, by what it says of where it is from.
+int MergesOf(const OrderedJson& from) {
+  int count = 1;
+  for (const OrderedJson* at = &from; at->is_object() && at->contains("merged_from"); at = &at->at("merged_from"))
+    ++count;
+  return count;
 }
 
 // What it was stays readable; the weights that its campaign had do not hold for its new number.
@@ -160,6 +181,12 @@ void MoveTo(const CampaignSpec& spec, const std::string& spec_sha256, std::uint6
   }
   if (const auto before = episode.details.find("merged_from"); before != episode.details.end())
     from["merged_from"] = *before;
+  // of very many merges, each of the one before, the first ones stay: where it came from, and not every way that it
+  // went
+  for (constexpr int kMostKept = 8; MergesOf(from) > kMostKept;) {
+    OrderedJson earlier = from["merged_from"].value("merged_from", OrderedJson::object());
+    from["merged_from"] = std::move(earlier);
+  }
   episode.details["merged_from"] = std::move(from);
   episode.campaign = spec.name;
   episode.spec_sha256 = spec_sha256;

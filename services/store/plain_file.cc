@@ -130,7 +130,7 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
                               dataset.string(), name, name));
   PlainFileReport report;
   report.train_data = out.string() + ".train_data.json";
-  if (std::filesystem::exists(report.train_data))
+  if (std::error_code error; std::filesystem::exists(report.train_data, error))
     return Fail(
         Code::kInvalidArgument,
         fmt::format("export '{}': '{}' is there already: it goes with the file; choose another name, or remove it",

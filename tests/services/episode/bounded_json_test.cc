@@ -28,6 +28,12 @@ TEST(BoundedJson, RefusesDuplicateKeysOfOneObjectOnly) {
 TEST(BoundedJson, RefusesDeepNestingWithoutUsingTheStack) {
   EXPECT_TRUE(ParseBoundedJson("[[[1]]]", 3));
   EXPECT_FALSE(ParseBoundedJson("[[[[1]]]]", 3));
+  // what is written is taken back
+  for (const char* text : {"1", "[]", "[[]]", "[[1]]", R"({"a": [1, {"b": 2}]})", R"({"a": {"b": {"c": []}}})"}) {
+    const OrderedJson json = OrderedJson::parse(text);
+    for (int depth = 0; depth < 6; ++depth)
+      EXPECT_EQ(IsBounded(json, depth), ParseBoundedJson(text, depth).has_value()) << text << depth;
+  }
   EXPECT_FALSE(ParseBoundedJson(std::string(4'000'000, '['), 40));
   EXPECT_FALSE(ParseBoundedJson(std::string(1'000'000, '[') + std::string(1'000'000, ']'), 40));
 }

@@ -10,6 +10,7 @@
 
 #include "services/codec/frame.h"
 #include "services/store/dataset.h"
+#include "services/store/edit.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/temporary_folder.h"
@@ -75,6 +76,23 @@ TEST_F(Modattn, BecomesADatasetThatVerifies) {
   ASSERT_THAT(reader, IsOk());
   EXPECT_EQ(reader->ReadWhole(0)->details["folder"], "2");  // numbers in their order
   EXPECT_EQ(reader->ReadWhole(1)->details["folder"], "10");
+}
+
+// of one spec they could not be merged, and their good episodes were called damaged
+TEST_F(Modattn, OtherRecordingsAreOfAnotherSpecAndTheSameOfTheSame) {
+  WriteRecording("0");
+  ASSERT_THAT(ImportModattn(in_, folder_ / "a", {}), IsOk());
+  ASSERT_THAT(ImportModattn(in_, folder_ / "again", {}), IsOk());
+  WriteRecording("1");
+  ASSERT_THAT(ImportModattn(in_, folder_ / "b", {}), IsOk());
+  const auto spec_of = [&](const char* name) {
+    return store::DatasetReader::Open(folder_ / name).value().spec_sha256();
+  };
+  EXPECT_EQ(spec_of("a"), spec_of("again"));
+  EXPECT_NE(spec_of("a"), spec_of("b"));
+  const auto merged = store::MergeDatasets({folder_ / "a", folder_ / "b"}, out_, Leftover::kRefuse);
+  ASSERT_THAT(merged, IsOk());
+  EXPECT_EQ(merged->episodes, 3u);
 }
 
 TEST_F(Modattn, KeepsWhatWasRecorded) {

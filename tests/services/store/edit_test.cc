@@ -7,12 +7,14 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <limits>
 #include <numeric>
 
 #include "services/core/stop.h"
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
+#include "tests/faults/small_disk.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
@@ -140,6 +142,27 @@ TEST_F(Edit, NothingIsDeletedOnceAStopIsAskedFor) {
   };
   EXPECT_EXIT(stopped(), testing::ExitedWithCode(7), "stopped; nothing.*stopped; nothing");
   EXPECT_EQ(List(data_).size(), 10u);
+}
+
+// on a full disk one deletes, and what was to be deleted could not be written down
+TEST_F(Edit, ADeletionOnAFullDiskMakesItsOwnRoom) {
+  const faults::SmallDisk disk(folder_ / "disk", "8m");
+  if (!disk.mounted()) GTEST_SKIP() << "a small tmpfs needs root";
+  const Path data = folder_ / "disk/data";
+  {
+    auto writer = DatasetWriter::Open(data, spec_);
+    ASSERT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; i < 4; ++i) ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 400)), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
+  }
+  std::ofstream ballast(folder_ / "disk/ballast", std::ios::binary);
+  const std::string block(4096, 'x');
+  while (ballast.write(block.data(), static_cast<std::streamsize>(block.size())).flush()) {
+  }
+  ASSERT_THAT(WriteFileAtomically(data / "more", std::string(8192, 'x')), HasCode(Code::kUnavailable));
+  ASSERT_THAT(DeleteEpisodes(data, {1, 3}), IsOk());
+  EXPECT_THAT(List(data), ElementsAre(0, 2));
+  ExpectSound(data, 2);
 }
 
 TEST_F(Edit, EndsADeletionThatWasInterrupted) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/store/merge.cc
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -105,6 +106,42 @@ TEST_F(Merge, OfWhatWasMergedKeepsWhereItFirstCameFrom) {
   EXPECT_EQ(from["campaign"], "merged");
   EXPECT_EQ(from["merged_from"]["campaign"], "second");
   EXPECT_EQ(from["merged_from"]["index"], 3);
+}
+
+// both had the hash of the first part's spec, and good episodes were called damaged
+TEST_F(Merge, OfTwoMergesAndOfAMergeWithItsPart) {
+  CampaignSpec second = spec_, third = spec_;
+  second.camera.fovy_deg += 1;
+  third.camera.fovy_deg += 2;
+  const Path a = Write("a", spec_, {0}), b = Write("b", second, {0}), c = Write("c", third, {0});
+  const Path ab = folder_ / "ab", ac = folder_ / "ac", all = folder_ / "all";
+  ASSERT_THAT(MergeDatasets({a, b}, ab, Leftover::kRefuse), IsOk());
+  ASSERT_THAT(MergeDatasets({a, c}, ac, Leftover::kRefuse), IsOk());
+  EXPECT_NE(DatasetReader::Open(ab).value().spec_sha256(), DatasetReader::Open(ac).value().spec_sha256());
+  EXPECT_THAT(MergeDatasets({ab, ac}, all, Leftover::kRefuse), IsOk());
+  EXPECT_THAT(MergeDatasets({ab, a}, out_, Leftover::kRefuse), IsOk());
+  ExpectSound(3);
+}
+
+// each merge of the one before nested it deeper, until what was written could not be read
+TEST_F(Merge, AfterVeryManyAnEpisodeStillSaysWhereItCameFrom) {
+  CampaignSpec today = spec_;
+  Path before = Write("first", spec_, {5});
+  for (int day = 0; day < 12; ++day) {
+    today.seed = 100 + day;
+    const Path so_far = folder_ / fmt::format("so_far{}", day);
+    const Path one = Write(fmt::format("day{}", day), today, {0});
+    ASSERT_THAT(MergeDatasets({before, one}, so_far, Leftover::kRefuse), IsOk());
+    before = so_far;
+  }
+  const auto episode = DatasetReader::Open(before).value().ReadWhole(0);
+  ASSERT_THAT(episode, IsOk());
+  const OrderedJson* from = &episode->details["merged_from"];
+  int merges = 1;
+  for (; from->contains("merged_from"); from = &from->at("merged_from")) ++merges;
+  EXPECT_EQ(merges, 8);
+  EXPECT_EQ(from->at("campaign"), spec_.name);
+  EXPECT_EQ(from->at("index"), 5);
 }
 
 TEST_F(Merge, PlansWhatTheLargestPlansInEitherOrder) {
