@@ -57,6 +57,7 @@ struct Checker::Impl {
   std::vector<PiecePair> self_pairs;  ///< of the arm against itself; first those that are apart at home
   int apart_pairs = 0;                ///< how many those are
   int first_self_pair = 0;            ///< pairs from here on are self collision
+  int first_held_pair = 0;            ///< and from here on what is held against the arm: both move
   std::uint64_t checks = 0;
 };
 
@@ -161,8 +162,7 @@ void Checker::Impl::PlaceArm(const std::vector<Pose>& poses) {
 }
 
 bool Checker::Impl::ArmMayTouch(const Piece& arm_piece, const Piece& other) const {
-  if (allowed.contains(other.body_name())) return true;
-  if (IsHeld(other)) return structure.with_tool[arm_piece.body()];
+  if (allowed.contains(other.body_name()) || IsHeld(other)) return true;
   if (other.role() == Role::kObject) return !objects.contains(other.body_name());
   return self_tested(arm_piece.body(), self_tested.cols() - 1) == 0;
 }
@@ -188,6 +188,11 @@ void Checker::Impl::RebuildPairs() {
 
   first_self_pair = static_cast<int>(pairs.size());
   pairs.insert(pairs.end(), self_pairs.begin(), self_pairs.end());
+  first_held_pair = static_cast<int>(pairs.size());
+  // whatever the hand may touch besides: it holds the target, which it is allowed to touch
+  for (int arm = 0; arm < arm_pieces; ++arm)
+    for (int other = arm_pieces; other < static_cast<int>(pieces.size()); ++other)
+      if (IsHeld(pieces[other]) && !structure.with_tool[pieces[arm].body()]) pairs.emplace_back(arm, other);
   pairs_valid = true;
 }
 
@@ -220,7 +225,7 @@ std::optional<Checker::Impl::PiecePair> Checker::Impl::FindCollision(const Eigen
   PlaceArm(q);
   for (int i = 0; i < static_cast<int>(pairs.size()); ++i) {
     const Piece &a = pieces[pairs[i].first], &b = pieces[pairs[i].second];
-    const int self = i - first_self_pair;
+    const int self = i < first_held_pair ? i - first_self_pair : -1;
     // nearly all pairs end here
     if (internal::AabbGap(a, b) > (self < 0 ? margin : internal::kSelfRoom)) continue;
     const bool near = self < 0 ? internal::Near(a, b, margin) : internal::NearSelf(a, b, margin, self < apart_pairs);
@@ -334,7 +339,7 @@ std::vector<Proximity> Checker::Distances(const Eigen::VectorXd& q, double withi
   impl.PlaceArm(q);
 
   std::vector<Proximity> found;
-  const int count = set == PairSet::kSelfToo ? static_cast<int>(impl.pairs.size()) : impl.first_self_pair;
+  const int count = set == PairSet::kSelfToo ? impl.first_held_pair : impl.first_self_pair;
   for (int i = 0; i < count; ++i) {
     const Piece& a = impl.pieces[impl.pairs[i].first];
     const Piece& b = impl.pieces[impl.pairs[i].second];

@@ -257,6 +257,31 @@ class Builder {
           "object would swing: they get friction against turning as our objects have",
           fmt::join(held_by_points_, ", "), kPoints));
     if (colliding == 0) Wrong("no geom of the robot collides (contype and conaffinity are 0)");
+    CheckWhatIsSeen();
+    NoteBlindBodies();
+  }
+
+  void CheckWhatIsSeen() {
+    constexpr int kDrawn = 3;  // groups that MuJoCo draws where it is not told otherwise
+    bool seen = false;
+    for (int id = 0; id < mj_->ngeom; ++id) seen = seen || (mj_->geom_bodyid[id] > 0 && mj_->geom_group[id] < kDrawn);
+    if (!seen) Wrong("no geom of the robot is drawn: pictures have those of groups 0 to {}", kDrawn - 1);
+  }
+
+  /// Bodies of which nothing collides: planner and judge take them for air.
+  void NoteBlindBodies() {
+    std::vector<std::string> blind;
+    for (int body = 1; body < mj_->nbody; ++body) {
+      const int first = mj_->body_geomadr[body], count = mj_->body_geomnum[body];
+      bool collides = count == 0;
+      for (int id = first; id < first + count; ++id) collides = collides || Collides(mj_, id);
+      if (!collides) blind.emplace_back(mj_id2name(mj_, mjOBJ_BODY, body));
+    }
+    if (!blind.empty())
+      notes_.push_back(
+          fmt::format("of {} no geom collides (contype and conaffinity are 0): it is planned and judged as "
+                      "if {} not there",
+                      fmt::join(blind, ", "), blind.size() > 1 ? "they were" : "it were"));
   }
 
   /// MuJoCo's own friction stands in no text of the file, where `world.friction` would find it.

@@ -2,11 +2,13 @@
 #include "worker/synthesis/mass.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 #include <utility>
 
 namespace etude::synthesis {
@@ -100,22 +102,55 @@ double SmallestFace(const assets::Mesh& mesh) {
   return mesh.faces.empty() ? 0 : smallest;
 }
 
-int CountParts(const assets::Mesh& mesh) {
+namespace {
+
+// For each face a vertex that stands for its part: the same for all that hang together.
+std::vector<int> PartsOfFaces(const assets::Mesh& mesh) {
   std::vector<int> parent = Welded(mesh);
   const auto root = [&](int i) {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
   };
-  std::vector<bool> used(parent.size());
   for (const auto& face : mesh.faces)
-    for (int k = 0; k < 3; ++k) {
-      parent[root(face[k])] = root(face[0]);
-      used[face[k]] = true;
-    }
-  std::vector<bool> is_root(parent.size());
-  for (std::size_t i = 0; i < parent.size(); ++i)
-    if (used[i]) is_root[root(static_cast<int>(i))] = true;
-  return static_cast<int>(std::count(is_root.begin(), is_root.end(), true));
+    for (int k = 1; k < 3; ++k) parent[root(face[k])] = root(face[0]);
+  std::vector<int> parts;
+  for (const auto& face : mesh.faces) parts.push_back(root(face[0]));
+  return parts;
+}
+
+}  // namespace
+
+int CountParts(const assets::Mesh& mesh) {
+  const std::vector<int> parts = PartsOfFaces(mesh);
+  return static_cast<int>(std::set<int>(parts.begin(), parts.end()).size());
+}
+
+void TurnOutward(assets::Mesh& mesh) {
+  const auto turn = [](auto& face) { std::swap(face[1], face[2]); };
+  if (Integrate(mesh).mass < 0) std::ranges::for_each(mesh.faces, turn);
+  struct Part {
+    double volume = 0;
+    Eigen::AlignedBox3d box;
+  };
+  const std::vector<int> parts = PartsOfFaces(mesh);
+  std::map<int, Part> known;
+  for (std::size_t f = 0; f < parts.size(); ++f) {
+    const auto& face = mesh.faces[f];
+    const Vector3d &a = mesh.positions[face[0]], &b = mesh.positions[face[1]], &c = mesh.positions[face[2]];
+    Part& part = known[parts[f]];
+    part.volume += a.dot(b.cross(c)) / 6;
+    part.box.extend(a).extend(b).extend(c);
+  }
+  const auto is_hollow = [&](const auto& item) {
+    return std::ranges::any_of(known, [&](const auto& other) {
+      return other.first != item.first && other.second.volume > 0 && other.second.box.contains(item.second.box);
+    });
+  };
+  std::set<int> inward;
+  for (const auto& item : known)
+    if (item.second.volume < 0 && !is_hollow(item)) inward.insert(item.first);
+  for (std::size_t f = 0; f < parts.size(); ++f)
+    if (inward.contains(parts[f])) turn(mesh.faces[f]);
 }
 
 void ComputeNormals(assets::Mesh& mesh) {

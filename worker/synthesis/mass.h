@@ -42,6 +42,10 @@ double SmallestFace(const assets::Mesh& mesh);
 /// How many parts the faces hang together in, by shared vertices; vertices at the same place count as one.
 int CountParts(const assets::Mesh& mesh);
 
+/// Winds the faces of a watertight mesh so that they are seen from outside, part by part: a part whose volume is
+/// negative is turned, unless it lies in another one, whose hollow it is.
+void TurnOutward(assets::Mesh& mesh);
+
 /// Vertex normals as area-weighted means of the faces around.
 void ComputeNormals(assets::Mesh& mesh);
 

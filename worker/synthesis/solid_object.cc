@@ -25,8 +25,17 @@ std::pair<Vector3d, Vector3d> BoxOf(const assets::Mesh& mesh) {
   return {low, high};
 }
 
+// Whether a body can have them. Of a mesh of several parts of which one is wound inwards, its volume is taken away.
+bool ArePossible(const MassProperties& mass, const assets::Mesh& mesh) {
+  if (!(mass.mass > 0)) return false;
+  const auto [low, high] = BoxOf(mesh);
+  if ((mass.centre.array() < low.array()).any() || (mass.centre.array() > high.array()).any()) return false;
+  const Vector3d moments = Diagonalise(mass.inertia).moments;  // ascending
+  return moments[0] > 0 && moments[0] + moments[1] >= moments[2];
+}
+
 MassProperties MassOf(const assets::Mesh& mesh, const std::vector<assets::Mesh>& pieces) {
-  if (const MassProperties whole = Integrate(mesh); whole.mass > 0 && IsWatertight(mesh)) return whole;
+  if (const MassProperties whole = Integrate(mesh); ArePossible(whole, mesh) && IsWatertight(mesh)) return whole;
   std::vector<MassProperties> parts;
   for (const auto& piece : pieces) parts.push_back(Integrate(piece));
   return Sum(parts);
@@ -71,8 +80,7 @@ Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std:
   if (options.widest > 0) scale = std::min(scale, options.widest / (high - low).x());
   for (Vector3d& p : mesh.positions) p *= scale;
   // one that is wound inwards would be seen from inside, and weigh less than nothing
-  if (IsWatertight(mesh) && Integrate(mesh).mass < 0)
-    for (auto& face : mesh.faces) std::swap(face[1], face[2]);
+  if (IsWatertight(mesh)) TurnOutward(mesh);
   std::optional<Hole> placed = hole;
   if (placed) placed->centre *= scale;
 

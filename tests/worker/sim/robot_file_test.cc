@@ -623,6 +623,20 @@ TEST_F(BrokenRobot, FingersThatDecideAloneHoldByAnArea) {
   for (const auto& [condim, friction] : geoms()) EXPECT_EQ(condim, 1) << "without any friction on purpose";
 }
 
+// planner and judge took the upper arm for air, and the check found nothing to say
+TEST_F(BrokenRobot, BodiesOfWhichNothingCollidesAreSaid) {
+  Replace("sketch/sketch.xml", "mesh=\"upper_beam\" mass=\"4\"/>",
+          "mesh=\"upper_beam\" mass=\"4\" contype=\"0\" conaffinity=\"0\"/>");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("of upper no geom collides")));
+}
+
+TEST_F(BrokenRobot, ARobotThatNoPictureShowsIsRefused) {
+  Replace("sketch/sketch.xml", "<geom material=\"paint\"/>", "<geom material=\"paint\" group=\"3\"/>");
+  EXPECT_THAT(Load().message, testing::HasSubstr("no geom of the robot is drawn"));
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));

@@ -39,6 +39,36 @@ TEST(Integrate, ApproachesASphere) {
   EXPECT_LT((sphere.inertia - moment * Eigen::Matrix3d::Identity()).norm(), 0.005 * moment);
 }
 
+assets::Mesh Joined(const assets::Mesh& a, assets::Mesh b, bool inward) {
+  assets::Mesh both = a;
+  const int first = static_cast<int>(a.positions.size());
+  both.positions.insert(both.positions.end(), b.positions.begin(), b.positions.end());
+  for (auto face : b.faces) {
+    if (inward) std::swap(face[1], face[2]);
+    for (int& vertex : face) vertex += first;
+    both.faces.push_back(face);
+  }
+  return both;
+}
+
+// a handle that is wound the other way weighed less than nothing, and the whole had moments that no body has
+TEST(TurnOutward, TurnsPartsButNotHollows) {
+  const auto body = Box({0.1, 0.1, 0.1}, {0, 0, 0}), handle = Box({0.02, 0.02, 0.02}, {0.2, 0, 0}),
+             hollow = Box({0.05, 0.05, 0.05}, {0, 0, 0});
+  const auto mass_of = [](assets::Mesh mesh) {
+    EXPECT_TRUE(IsWatertight(mesh));
+    TurnOutward(mesh);
+    return Integrate(mesh).mass;
+  };
+  const double whole = 0.008 + 0.000064, with_hollow = 0.008 - 0.001;
+  EXPECT_NEAR(mass_of(Joined(body, handle, false)), whole, 1e-9);
+  EXPECT_NEAR(mass_of(Joined(body, handle, true)), whole, 1e-9);
+  EXPECT_NEAR(mass_of(Joined(body, hollow, true)), with_hollow, 1e-9);
+  assets::Mesh inside_out = Joined(body, hollow, true);
+  for (auto& face : inside_out.faces) std::swap(face[1], face[2]);
+  EXPECT_NEAR(mass_of(inside_out), with_hollow, 1e-9);
+}
+
 TEST(Integrate, OfATetrahedronIsThatOfItsCorners) {
   Rng rng(1);
   for (int round = 0; round < 50; ++round) {

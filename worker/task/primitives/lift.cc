@@ -6,7 +6,10 @@
 namespace etude::task {
 namespace {
 
-Pose Lifted(const StageContext& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kSide.lift_height}, LevelHand()}; }
+Pose Lifted(const StageContext& now) {
+  const double below = now.X_EO ? HeldBelow(now, LevelHand()) : 0;
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(kSide.lift_height, below + kSide.lift_room)}, LevelHand()};
+}
 
 // Straight up, until there is `room` under what is held.
 Pose Raised(const StageContext& now, const above::Grip& grip, double room) {

@@ -29,6 +29,7 @@ struct SideTuning {
   double pad_least = 0.010;        // [object] at least by this,
   double far_side = 0.006;         // [object] and stay this short of its far side: laid down, it meets the table first
   double lift_height = 0.15;       // [judge] of the tool: over 0.10 m for every object
+  double lift_room = 0.05;         // [judge] under what is held at least, where that is taller
   double turn_back = 0.15;         // [arm] towards the robot while turning
   double turned_reach = 0.56;      // [arm] from the base's axis that the hand can point down
   // [object] Objects are pushed low so that they slide instead of tipping over: the tips just above the table, the hand

@@ -15,7 +15,9 @@ Pose TurnedFromTheSide(const StageContext& now) {
   const double back = now.X_WE.p.y() - kSide.turn_back * std::clamp(left, 0.0, 1.0);
   const double within =
       std::sqrt(std::max(0.0, kSide.turned_reach * kSide.turned_reach - x * x)) + now.shapes->base().y();
-  return {{now.X_WE.p.x(), std::min(back, within), kSide.lift_height}, TurnedHand()};
+  const double below = now.X_EO ? std::max(HeldBelow(now, TurnedHand()), HeldBelow(now, now.X_WE.q)) : 0;
+  const double z = std::max(kSide.lift_height, below + kSide.lift_room);
+  return {{now.X_WE.p.x(), std::min(back, within), z}, TurnedHand()};
 }
 
 // A quarter of a turn: where the hand comes to point back at the robot it moves towards it by what is left to turn, and
