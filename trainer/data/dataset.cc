@@ -43,6 +43,24 @@ void AddNew(const std::vector<T>& more, std::vector<T>& all) {
     if (std::ranges::find(all, item) == all.end()) all.push_back(item);
 }
 
+// Of one seed, an index draws the same target and places in campaigns that differ in other things.
+void WarnOfSharedScenes(const std::vector<store::DatasetReader>& readers) {
+  for (std::size_t second = 1; second < readers.size(); ++second)
+    for (std::size_t first = 0; first < second; ++first) {
+      const CampaignSpec &a = readers[first].spec(), &b = readers[second].spec();
+      if (a.seed != b.seed || SpecHash(a) == SpecHash(b)) continue;  // of one spec: CheckFolders
+      std::uint64_t leaked = 0;
+      for (std::uint64_t index = 0; index < std::min(a.episodes, b.episodes); ++index)
+        leaked += (SplitOf(a, index) == "train") != (SplitOf(b, index) == "train") ? 1 : 0;
+      if (leaked > 0)
+        Log().warn(
+            "'{}' and '{}' have one seed, {}: scenes of one number are alike, and of {} numbers one is trained on "
+            "and the other is not; what is validated is better than it would be on new scenes. Collect one of "
+            "them with another --seed",
+            readers[first].path().string(), readers[second].path().string(), a.seed, leaked);
+    }
+}
+
 }  // namespace
 
 bool UsableFrame(const EpisodeEntry& entry, std::uint32_t frame) {
@@ -137,8 +155,14 @@ Result<std::shared_ptr<Dataset>> Dataset::Open(const std::vector<Path>& paths) {
     if (!known.insert(std::filesystem::weakly_canonical(path, error)).second)
       return Fail(Code::kInvalidArgument, fmt::format("dataset '{}' is given twice", path.string()));
     ETUDE_ASSIGN_OR_RETURN(auto reader, store::DatasetReader::Open(path));
+    if (reader.spec().mode != "demonstrate")
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("train on '{}': it has rollouts of a policy, failures among them, in an evaluation's "
+                              "scenes; name a dataset of demonstrations",
+                              path.string()));
     readers.push_back(std::move(reader));
   }
+  WarnOfSharedScenes(readers);
   return std::shared_ptr<Dataset>(new Dataset(std::move(readers)));
 }
 

@@ -127,10 +127,21 @@ void Optimizer::UpdateAverage(double decay) {
     average_ = parameters_.clone();
     average_steps_ = torch::zeros(1, torch::kInt64);
   }
-  // early on the average is short, so that the start does not weigh on it
-  const auto t = static_cast<double>(++average_steps_.data_ptr<std::int64_t>()[0]);
-  const double now = std::min(decay, (1 + t) / (10 + t));
-  AverageFlat(now, parameters_, average_);
+  ++average_steps_.data_ptr<std::int64_t>()[0];
+  // Early on the average is short, so that the start does not weigh on it: by the steps of each parameter itself, since
+  // a module of a later stage begins when the run has long gone on.
+  const auto decay_of = [&](std::size_t segment) {
+    const auto t = static_cast<double>(steps_.data_ptr<std::int64_t>()[segment]);
+    return std::min(decay, (1 + t) / (10 + t));
+  };
+  for (std::size_t i = 0, next = 0; i < segments_.size(); i = next) {
+    const double now = decay_of(i);
+    for (next = i + 1; next < segments_.size() && decay_of(next) == now;) ++next;
+    const auto begin = static_cast<std::int64_t>(segments_[i].offset);
+    const auto end = static_cast<std::int64_t>(segments_[next - 1].offset + segments_[next - 1].count);
+    torch::Tensor average = average_.narrow(0, begin, end - begin);
+    AverageFlat(now, parameters_.narrow(0, begin, end - begin), average);
+  }
 }
 
 void Optimizer::ExchangeAverage() {

@@ -41,7 +41,8 @@ class Optimizer {
   /// module is not trained yet) is left alone: no decay, no step of its bias correction.
   Outcome Step(double lr);
 
-  /// Averaged weights (decay 0: none, also where there were some). `ExchangeAverage` swaps them with the parameters;
+  /// Averaged weights (decay 0: none, also where there were some); of a parameter's first steps, whenever they come, a
+  /// shorter average. `ExchangeAverage` swaps them with the parameters;
   /// call it in pairs.
   void UpdateAverage(double decay);
   void ExchangeAverage();

@@ -7,8 +7,11 @@
 
 #include <fstream>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "services/core/hash.h"
+#include "services/core/log.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 
@@ -169,6 +172,32 @@ TEST_F(SeveralFolders, CallObjectsAsTheirScenesDo) {
   const auto dataset = Dataset::Open(folder_ / "imported");
   ASSERT_TRUE(dataset) << dataset.error().message;
   EXPECT_EQ((*dataset)->objects(), (std::vector<std::string>{"cube", "crate"}));
+}
+
+// an evaluation's folder is a dataset as any other, and CTRL learned what a policy had failed with
+TEST_F(SeveralFolders, RolloutsAreNoDemonstrations) {
+  spec_.mode = "rollout";
+  spec_.rollout.run = "run";
+  AddSyntheticEpisodes(folder_ / "rollouts", spec_, 0, 0);
+  const auto dataset = Dataset::Open(std::vector<Path>{folder_ / "a", folder_ / "rollouts"});
+  ASSERT_FALSE(dataset);
+  EXPECT_EQ(dataset.error().code, Code::kInvalidArgument);
+  EXPECT_NE(dataset.error().message.find("rollouts of a policy"), std::string::npos) << dataset.error().message;
+}
+
+// another spec is another hash, and yet the same scenes under the same numbers, for training here and validation there
+TEST_F(SeveralFolders, OfOneSeedAreWarnedOf) {
+  InitLog("test", "info");
+  std::vector<std::string> heard;
+  const LogListener listener([&](const LogRecord& record) { heard.push_back(record.text); });
+  Read({folder_ / "a", folder_ / "b"});
+  EXPECT_TRUE(heard.empty()) << heard.front();
+  other_.seed = spec_.seed;
+  other_.split = {1, 1, 0};
+  AddSyntheticEpisodes(folder_ / "same", other_, 0, 20);
+  Read({folder_ / "a", folder_ / "same"});
+  ASSERT_EQ(heard.size(), 1u);
+  EXPECT_NE(heard[0].find("have one seed"), std::string::npos) << heard[0];
 }
 
 // what a run is made of must not change because several folders can be read

@@ -220,5 +220,35 @@ TEST(Optimizer, KeepsAnAverageAsideAndSwapsItInAndOut) {
   EXPECT_LT((averaged - start).max().item<float>(), 1.0f);
 }
 
+// else it was validated, and drove, as mostly what it had begun at, for as long as the run had gone before it
+TEST(Optimizer, TheAverageOfAModuleThatBeginsLaterIsShortWhenItBegins) {
+  const TemporaryFolder folder;
+  const TrainConfig config = TinyConfig();
+  data::Batch batch = MakeBatch(config, folder / "d");
+  auto policies = Policies(config, 1);
+  Optimizer optimizer(config.optimizer, policies);
+  Replicas replicas(policies);
+  auto named = policies[0]->named_parameters();
+  torch::Tensor late;
+  for (const auto& name : policies[0]->ParametersOf("CTRL"))
+    if (named[name].dim() == 2) late = named[name];
+  ASSERT_TRUE(late.defined());
+  const torch::Tensor start = late.detach().clone();
+  const auto step = [&](int level) {
+    optimizer.ZeroGradients();
+    ASSERT_TRUE(replicas.Backward(batch, level));
+    optimizer.Step(1e-3);
+    optimizer.UpdateAverage(0.998);
+  };
+  for (int i = 0; i < 60; ++i) step(1);
+  ASSERT_TRUE(torch::equal(late, start));
+  step(5);
+
+  const torch::Tensor raw = late.detach().clone();
+  optimizer.ExchangeAverage();
+  const double share = ((late.detach() - start).norm() / (raw - start).norm()).item<double>();
+  EXPECT_NEAR(share, 9.0 / 11, 1e-3) << "(1 + t) / (10 + t) of the start is left, t = 1";
+}
+
 }  // namespace optimizer_test
 }  // namespace etude::learn
