@@ -56,11 +56,17 @@ void InsightDesk::Offer(const bus::Observation& observation, const std::shared_p
   offered_.NotifyOne();
 }
 
+bool InsightDesk::IsLookers(const std::string& session) {
+  TakeWishes();  // his wish came just before his question
+  const MutexLock lock(mutex_);
+  const auto wish = wishes_.find(session);
+  return wish != wishes_.end() && wish->second.text.session == session;
+}
+
 void InsightDesk::TakeWishes() {
   const auto now = MonotonicClock::now();
-  const auto taken = reader_.Take();
   const MutexLock lock(mutex_);
-  for (const auto& wish : taken) {
+  for (const auto& wish : reader_.Take()) {
     if (wish.run_id != run_id_ || (!wishes_.contains(wish.viewer) && wishes_.size() >= kMostViewers)) continue;
     Wish& own = wishes_[wish.viewer];
     own.text = wish;

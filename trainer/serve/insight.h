@@ -38,6 +38,9 @@ class InsightDesk {
 
   /// Of an observation that `model` answers. Copies it while a wish stands for its session. Never waits. Any thread.
   void Offer(const bus::Observation& observation, const std::shared_ptr<const Model>& model) ETUDE_EXCLUDES(mutex_);
+  /// Whether a session is that of a viewer who looks at nothing but questions of his own (policy::InsightClient). Any
+  /// thread.
+  bool IsLookers(const std::string& session) ETUDE_EXCLUDES(mutex_);
   /// Insights that were sent.
   std::uint64_t shown() const { return shown_; }
 
@@ -57,7 +60,7 @@ class InsightDesk {
   void TakeWishes() ETUDE_EXCLUDES(mutex_);
   void Show(const Offered& offered) ETUDE_EXCLUDES(mutex_);
 
-  bus::Reader<bus::InsightWish> reader_;
+  bus::Reader<bus::InsightWish> reader_ ETUDE_GUARDED_BY(mutex_);
   bus::Writer<bus::Insight> writer_;
   const std::string run_id_;
   std::atomic<bool> stop_{false}, wanted_{false};

@@ -39,7 +39,8 @@ struct Served {
 
 constexpr double kStatusEvery = 1;  // s
 constexpr auto kSessionSilence = 10s;
-constexpr std::size_t kMostSessions = 10'000;  // that are counted
+constexpr std::size_t kMostSessions = 10'000;   // that are counted
+constexpr char kOfCheckpoint[] = "checkpoint";  // begins what is said of a refused one
 
 // Where observations of one run come in and actions go out.
 struct Desk {
@@ -136,7 +137,7 @@ void PolicyServer::Impl::NoteRefusal(const std::string& reason) {
 void PolicyServer::Impl::CountCorrupt(std::uint64_t count) {
   if (count == 0) return;
   refused += count;
-  NoteRefusal("checkpoint: its bytes do not fit its checksum");
+  NoteRefusal(fmt::format("{}: its bytes do not fit its checksum", kOfCheckpoint));
 }
 
 // What is served and how that goes, for whoever looks; not more often than once a second.
@@ -185,7 +186,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
   const bool stays = kept && kept->untrained().empty();
   if (!fresh->untrained().empty()) {
     ++refused;
-    NoteRefusal(fmt::format("checkpoint of step {}: not trained: {}", metadata.step, fresh->untrained()));
+    NoteRefusal(fmt::format("{} of step {}: not trained: {}", kOfCheckpoint, metadata.step, fresh->untrained()));
     Log().warn("refused a checkpoint run={}@{} step={}: not trained: {}; {}", options.run.name, run_id, metadata.step,
                fresh->untrained(),
                stays ? fmt::format("step {} serves on", kept->metadata().step)
@@ -194,7 +195,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
   } else if (const bus::Action trial = stays ? fresh->Answer(fresh->Trial()) : bus::Action();
              trial.refusal == bus::Refusal::kFailed) {
     ++refused;
-    NoteRefusal(fmt::format("checkpoint of step {}: {}", metadata.step, trial.error));
+    NoteRefusal(fmt::format("{} of step {}: {}", kOfCheckpoint, metadata.step, trial.error));
     Log().warn("refused a checkpoint run={}@{} step={}: {}; step {} serves on", options.run.name, run_id, metadata.step,
                trial.error, kept->metadata().step);
     return;
@@ -204,6 +205,8 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
     if (latency.Now().p99_ms == 0) TryOut(*fresh);
   }
   const MutexLock lock(mutex);
+  // what was wrong with one before it is over
+  if (fresh->untrained().empty() && last_refusal.starts_with(kOfCheckpoint)) last_refusal.clear();
   served = {run_id, std::move(fresh), static_cast<std::uint64_t>(WallSeconds())};
 }
 
@@ -261,7 +264,7 @@ Status PolicyServer::Impl::Judge(const bus::PublishedBlob& blob) {
   Status judged = options.accept(blob);
   if (!judged && judged.error().code != Code::kUnavailable) {  // that is judged again
     ++refused;
-    NoteRefusal("checkpoint: " + judged.error().message);
+    NoteRefusal(fmt::format("{}: {}", kOfCheckpoint, judged.error().message));
   }
   return judged;
 }
@@ -271,7 +274,7 @@ void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
   auto fresh = Model::FromBytes(blob.bytes, options.clip_folders.get(), options.device);
   if (!fresh) {
     ++refused;
-    NoteRefusal("checkpoint: " + fresh.error().message);
+    NoteRefusal(fmt::format("{}: {}", kOfCheckpoint, fresh.error().message));
     const auto kept = Current().model;
     Log().warn("refused a checkpoint run={}@{} version={}: {}; {}", options.run.name, blob.owner, blob.version,
                fresh.error().message,
@@ -306,7 +309,8 @@ void PolicyServer::Impl::Send(Desk& desk, bus::Action& action, const std::string
   action.server_p99_ms = static_cast<float>(measured.p99_ms);
   if (!action.error.empty()) {
     ++refused_observations;
-    NoteRefusal("observation: " + action.error);
+    // who only looks is told so himself; no robot stands still for it
+    if (!desk.insights || !desk.insights->IsLookers(action.session)) NoteRefusal("observation: " + action.error);
     Log().warn("refused an observation session={}: {}", action.session, action.error);
   }
   // a client that went away must not stop the others

@@ -4,11 +4,15 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
+#include "dashboard/server/api/play.h"
 #include "dashboard/server/api/replays.h"
 #include "services/campaign/eval_report.h"
+#include "services/campaign/spec_file.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
@@ -18,7 +22,6 @@ namespace etude::api {
 namespace {
 
 using sources::TextOf;
-using sources::UnsignedOf;
 
 struct ArgumentHelp {
   const char* name;
@@ -37,6 +40,9 @@ const std::vector<ActionHelp>& Known() {
        "roll a checkpoint out on fresh scenes",
        {{"run", true, "run id"},
         {"file", true, "checkpoint"},
+        {"scenes", false,
+         "campaign that comes along (GET /play/sessions lists them), whose robot, tasks, objects and camera to use; "
+         "default: pick, push and put_down with the UR5"},
         {"episodes", false, "rollouts, 1 to 10,000; 40"},
         {"seed", false, "of the scenes, as text; 9001"}}},
       {"replay",
@@ -72,7 +78,8 @@ struct ActionCommand {
   std::vector<std::string> shown = {};  ///< for who copies it; empty: as it is run
   std::string once = {};                ///< as Jobs::Request has them
   std::function<void(bool)> finish = nullptr;
-  bool there = false;  ///< what it would make
+  bool there = false;       ///< what it would make
+  std::string scenes = {};  ///< of rollouts: a campaign's name, or default; "": there are none
 
   void AddFlags(const std::vector<std::string>& flags) {
     arguments.insert(arguments.end(), flags.begin(), flags.end());
@@ -121,14 +128,54 @@ Path EvaluationFolder(const Path& out, const Path& run) {
   return folder;
 }
 
+// What of a checkpoint's robot and camera no scene of `spec` has; "": it fits, as far as the checkpoint says.
+std::string Misfit(const sources::CheckpointHeader& checkpoint, const CampaignSpec& spec) {
+  constexpr double kDegrees = 180 / std::numbers::pi, kTolerance = 0.1;
+  const auto said = checkpoint.metadata.find("embodiment");
+  if (said == checkpoint.metadata.end()) return "";
+  const OrderedJson fits = ParseBoundedJson(said->second).value_or(OrderedJson());
+  const std::string robot = TextOf(fits, "robot");
+  if (!robot.empty() && std::ranges::find(spec.robots, robot) == spec.robots.end())
+    return fmt::format("it is of robot {:.40}, they have {}", robot, fmt::join(spec.robots, ", "));
+  const double fovy = kDegrees * sources::NumberOf(fits, "fovy").value_or(0);
+  if (fovy > 0 && std::abs(fovy - spec.camera.fovy_deg) > kTolerance)
+    return fmt::format("its camera sees {:.1f} degrees, theirs {:.1f}", fovy, spec.camera.fovy_deg);
+  return "";
+}
+
+// The campaign file that is asked for; "": the scenes that `etude eval` has without one. The policy would refuse every
+// question in scenes of another robot or camera: that is said now, and not after an hour.
+Result<Path> ScenesFor(const Path& checkpoint, const OrderedJson& body) {
+  Path file;
+  CampaignSpec spec;
+  if (body.contains("scenes")) {
+    auto shipped = ShippedCampaign(TextOf(body, "scenes"));
+    if (!shipped) return Fail(Code::kInvalidArgument, "scenes: " + shipped.error().message);
+    file = std::move(*shipped);
+    ETUDE_ASSIGN_OR_RETURN(spec, campaign::LoadSpec({file.string(), {}, {}, {}}));
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto header,
+                         sources::ReadCheckpointHeader(checkpoint.parent_path(), checkpoint.filename().string()));
+  const std::string misfit = Misfit(header, spec);
+  if (misfit.empty()) return file;
+  return Fail(Code::kInvalidArgument,
+              fmt::format("scenes: the checkpoint does not fit {}: {}; give scenes of its kind, one of {}, or on the "
+                          "command line etude eval --scenes FILE",
+                          file.empty() ? "those of etude eval without any" : file.stem().string(), misfit,
+                          fmt::join(ShippedCampaigns(), ", ")));
+}
+
 Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
-  const auto episodes = UnsignedOf(body, "episodes").value_or(40);
+  ETUDE_ASSIGN_OR_RETURN(const auto asked, WholeIn(body, "episodes"));
+  const auto episodes = asked.value_or(40);
   ETUDE_ASSIGN_OR_RETURN(const auto chosen, SeedIn(body));
   const std::string seed = std::to_string(chosen.value_or(9001));
   if (episodes < 1 || episodes > 10'000) return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000");
+  ETUDE_ASSIGN_OR_RETURN(const Path scenes, ScenesFor(checkpoint, body));
   const Path folder = checkpoint.parent_path().parent_path();
-  const std::string name = fmt::format("eval-{}-{}", checkpoint.stem().string(), seed);
+  const std::string name =
+      fmt::format("eval-{}-{}{}", checkpoint.stem().string(), seed, scenes.empty() ? "" : "-" + scenes.stem().string());
   // beside the run, unless that is out of the folders that this gateway was given
   const Path out = IsGiven(context, folder.parent_path())
                        ? folder.parent_path() / fmt::format("{}-{}", folder.filename().string(), name)
@@ -136,6 +183,8 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed",
                          seed, "--out", EvaluationFolder(out, folder).string()},
                         Weight::kHeavy};
+  if (!scenes.empty()) command.AddFlags({"--scenes", scenes.string()});
+  command.scenes = scenes.empty() ? "default" : scenes.stem().string();
   command.AddFlags(context.bus_flags(security::Role::kCollector));
   return command;
 }
@@ -181,10 +230,12 @@ Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
 // Into the gateway's own cache, wherever the dataset lies: nothing that is looked at is written to.
 Result<ActionCommand> Replay(Context& context, const OrderedJson& body) {
   constexpr std::uint64_t kMostAttempts = 1'000'000;
-  const auto index = UnsignedOf(body, "index");
-  const auto attempt = UnsignedOf(body, "attempt").value_or(0);
+  ETUDE_ASSIGN_OR_RETURN(const auto index, WholeIn(body, "index"));
+  ETUDE_ASSIGN_OR_RETURN(const auto number, WholeIn(body, "attempt"));
+  const auto attempt = number.value_or(0);
   if (!index || attempt > kMostAttempts)
-    return Fail(Code::kInvalidArgument, "replay: index and attempt must be whole numbers");
+    return Fail(Code::kInvalidArgument,
+                fmt::format("replay: index must be given, and attempt be at most {}", kMostAttempts));
   ETUDE_ASSIGN_OR_RETURN(const auto wish,
                          FindAttempt(context, TextOf(body, "dataset"), *index, static_cast<std::uint32_t>(attempt)));
   const auto& replays = context.sources.replays();
@@ -274,11 +325,15 @@ Result<http::Answer> Act(Context& context, const http::Request& request) {
     shown.resize(1);
     shown.insert(shown.end(), command.shown.begin(), command.shown.end());
   }
-  if (sources::FlagOf(body, "dry_run") || command.there) return http::JsonAnswer({{"command", CommandText(shown)}});
+  const auto answer = [&command](OrderedJson json, int status) {
+    if (!command.scenes.empty()) json["scenes"] = command.scenes;
+    return http::JsonAnswer(json, status);
+  };
+  if (sources::FlagOf(body, "dry_run") || command.there) return answer({{"command", CommandText(shown)}}, 200);
   if (!request.authorized) return TokenNeeded(context, "copy the command, or sign in: " + CommandText(shown));
   ETUDE_ASSIGN_OR_RETURN(const std::string id, context.jobs.Add({TextOf(body, "action"), command.arguments,
                                                                  command.weight, command.once, command.finish}));
-  return http::JsonAnswer({{"job", id}, {"command", CommandText(words)}}, 202);
+  return answer({{"job", id}, {"command", CommandText(words)}}, 202);
 }
 
 Result<http::Answer> Actions(Context& context, const http::Request& request) {

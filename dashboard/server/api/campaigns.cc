@@ -30,18 +30,22 @@ struct OpenedCampaign {
   const live::LiveCampaign* heard = nullptr;  // in `live`
 };
 
+// From its folder, also where a page still asks for its name on the bus.
 Result<OpenedCampaign> Open(Context& context, const std::string& id) {
   OpenedCampaign opened;
   opened.id = id;
   opened.live = context.live();
+  auto folder = OpenSource(context.sources.Dataset(id));
+  if (folder) {
+    opened.source = std::move(folder->source), opened.view = std::move(folder->view);
+    opened.name = opened.view->info.spec.name;
+    opened.dataset = opened.source->found().id;
+    opened.heard = LiveOf(*opened.live, *opened.view);
+    return opened;
+  }
   for (const auto& [identity, campaign] : opened.live->campaigns)
     if (BusId(campaign.presence) == id) opened.heard = &campaign, opened.name = campaign.presence.name;
-  if (opened.heard) return opened;
-  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Dataset(id));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
-  opened.name = opened.view->info.spec.name;
-  opened.dataset = id;
-  opened.heard = LiveOf(*opened.live, *opened.view);
+  if (!opened.heard) return Fail(folder.error());
   return opened;
 }
 

@@ -18,7 +18,8 @@ namespace {
 constexpr double kFresh_s = 30;  // files that changed within it are being written
 constexpr std::int64_t kSilent_ms = 10'000;
 
-bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
+// What a clock that is ahead has written is not fresh until this one has come there.
+bool IsFresh(double updated) { return std::abs(WallSeconds() - updated) < kFresh_s; }
 
 // Of the folder where it is here: a process that is started again goes on with what was begun.
 double BegunOf(std::uint64_t folder_since, const bus::Presence* presence) {
@@ -171,11 +172,17 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
 }
 
 OrderedJson StatusJson(const CampaignState& state) {
-  return {
-      {"committed", state.committed},         {"total", state.total},     {"attempts", state.committed + state.failed},
-      {"given_up", state.given_up},           {"workers", state.workers}, {"per_min", sources::Maybe(state.per_minute)},
-      {"eta_s", sources::Maybe(state.eta_s)}, {"error", state.error},     {"live", state.live},
-      {"age_ms", AgeOf(state.updated)}};
+  return {{"committed", state.committed},
+          {"total", state.total},
+          {"attempts", state.committed + state.failed},
+          {"given_up", state.given_up},
+          {"workers", state.workers},
+          {"per_min", sources::Maybe(state.per_minute)},
+          {"eta_s", sources::Maybe(state.eta_s)},
+          {"error", state.error},
+          {"control", state.control},
+          {"live", state.live},
+          {"age_ms", AgeOf(state.updated)}};
 }
 
 namespace {
@@ -318,6 +325,12 @@ Result<std::optional<std::uint64_t>> SeedIn(const OrderedJson& body) {
   return std::optional(seed);
 }
 
+Result<std::optional<std::uint64_t>> WholeIn(const OrderedJson& body, const char* key) {
+  const auto number = sources::UnsignedOf(body, key);
+  if (number || !body.contains(key)) return number;
+  return Fail(Code::kInvalidArgument, fmt::format("{}: a whole number, not below 0", key));
+}
+
 http::Answer TokenNeeded(const Context& context, const std::string& hint) {
   return http::Problem(context.security.enabled() ? 401 : 403, "The token is needed",
                        "an action needs the gateway's token", hint);
@@ -329,10 +342,17 @@ std::uint64_t WantedRollouts(const sources::EvalView& view) {
   return asked - std::min(asked, invalid);
 }
 
-std::string EvalState(const sources::EvalView& view) {
-  const bool asked = sources::UnsignedOf(view.report, "episodes").value_or(0) > 0;
-  if (asked && view.rows.size() >= WantedRollouts(view)) return "finished";
-  return IsFresh(view.updated) ? "running" : "silent";
+// An index whose attempts are used up has no row, and between two rollouts nothing is written for minutes: what their
+// collector left and says is looked at, too.
+std::string EvalState(Context& context, const sources::Found& found, const sources::EvalView& view) {
+  CampaignState collected;
+  if (const auto rollouts = OpenSource(context.sources.Dataset(RolloutsOf(context, found.id))))
+    collected = StateOf(rollouts->view.get(), LiveOf(*context.live(), *rollouts->view));
+  const auto asked = sources::UnsignedOf(view.report, "episodes").value_or(0);
+  // those that the expert cannot do (WantedRollouts) are used up, too
+  const auto without = std::max(collected.given_up, asked - WantedRollouts(view));
+  if (asked > 0 && view.rows.size() + without >= asked) return "finished";
+  return collected.live || IsFresh(std::max(view.updated, collected.updated)) ? "running" : "silent";
 }
 
 }  // namespace etude::api

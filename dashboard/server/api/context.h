@@ -110,6 +110,8 @@ inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
 Result<OrderedJson> JsonBody(const http::Request& request);
 /// Its "seed", a u64 as text; nothing where it has none. @error kInvalidArgument
 Result<std::optional<std::uint64_t>> SeedIn(const OrderedJson& body);
+/// A whole number of it; nothing where it has none. @error kInvalidArgument: it is of another kind, or negative
+Result<std::optional<std::uint64_t>> WholeIn(const OrderedJson& body, const char* key);
 /// The answer to who asks for an action without the token.
 http::Answer TokenNeeded(const Context& context, const std::string& hint);
 
@@ -150,7 +152,8 @@ Result<std::string> BusNameOfCampaign(Context& context, const std::string& id);
 Result<std::string> BusNameOfPolicy(Context& context, const std::string& id);
 /// That an evaluation comes to: scenes that the expert cannot do (--first-draw) get none.
 std::uint64_t WantedRollouts(const sources::EvalView& view);
-std::string EvalState(const sources::EvalView& view);
+/// finished | running | silent
+std::string EvalState(Context& context, const sources::Found& found, const sources::EvalView& view);
 /// The dataset of an evaluation's rollouts; "": there is none.
 std::string RolloutsOf(Context& context, const std::string& eval);
 

@@ -271,7 +271,8 @@ Result<http::Answer> Pair(Context& context, const http::Request& request) {
 
 std::string RolloutsOf(Context& context, const std::string& eval) {
   std::string rollouts;
-  for (const auto& found : *context.sources.catalog().List())
+  const auto all = context.sources.catalog().List();  // what is shared must outlive the loop
+  for (const auto& found : *all)
     if (found.kind == sources::Kind::kDataset && found.eval == eval) rollouts = found.id;
   return rollouts;
 }
@@ -287,7 +288,7 @@ Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
                      {"name", source->found().name},
                      {"folder", source->found().shown},
                      {"path", source->found().folder.string()},
-                     {"state", EvalState(*view)},
+                     {"state", EvalState(context, source->found(), *view)},
                      {"updated", sources::TimeJson(view->updated)},
                      {"age_ms", AgeOf(view->updated)},
                      {"campaign", TextOf(report, "campaign")},

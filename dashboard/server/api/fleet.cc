@@ -18,6 +18,7 @@ using sources::Maybe;
 using sources::TextOrNull;
 
 constexpr std::size_t kMostDatasets = 40;
+constexpr const char* kUnknownHost = "?";  // of a worker that committed nothing no journal says where it was
 
 struct WorkerRow {
   std::string worker, campaign, phase, strip, last, task, target, robot, stage, print;
@@ -134,7 +135,18 @@ Hosts FromBus(Context& context, const live::LiveView& live) {
   return hosts;
 }
 
-// Of the dataset that changed last and says who made its episodes.
+// A worker's row on its host, both made where there are none yet.
+WorkerRow& WorkerOn(Hosts& hosts, const std::string& host, const std::string& worker, const std::string& campaign) {
+  auto& row = hosts[host];
+  row.host = host;
+  const auto known = std::ranges::find(row.workers, worker, &WorkerRow::worker);
+  if (known != row.workers.end()) return *known;
+  auto& made = row.workers.emplace_back();
+  made.worker = worker, made.campaign = campaign;
+  return made;
+}
+
+// Of the dataset that changed last and says who made its episodes, and whose attempts failed.
 Hosts FromJournals(Context& context) {
   Hosts hosts;
   std::shared_ptr<const sources::DatasetView> newest;
@@ -147,19 +159,22 @@ Hosts FromJournals(Context& context) {
       newest = *view, id = found.id;
   }
   if (!newest) return hosts;
+  std::map<std::string, std::string> host_of;  // by worker: a failure names no host
+  const auto age_ms = [](double t) { return static_cast<std::int64_t>((WallSeconds() - t) * 1000); };
   for (const auto& row : newest->rows) {
     if (row.worker.empty()) continue;
-    auto& host = hosts[row.host];
-    host.host = row.host;
-    auto worker = std::ranges::find(host.workers, row.worker, &WorkerRow::worker);
-    if (worker == host.workers.end()) {
-      host.workers.push_back({});
-      worker = std::prev(host.workers.end());
-      worker->worker = row.worker, worker->campaign = id;
-    }
-    ++worker->episodes;
-    if (row.t) worker->age_ms = static_cast<std::int64_t>((WallSeconds() - *row.t) * 1000);
-    if (row.plan_s) host.plans.push_back(*row.plan_s);
+    host_of[row.worker] = row.host;
+    auto& worker = WorkerOn(hosts, row.host, row.worker, id);
+    ++worker.episodes;
+    if (row.t) worker.age_ms = age_ms(*row.t);
+    if (row.plan_s) hosts[row.host].plans.push_back(*row.plan_s);
+  }
+  for (const auto& row : newest->failures) {
+    if (row.worker.empty()) continue;
+    const auto host = host_of.find(row.worker);
+    auto& worker = WorkerOn(hosts, host == host_of.end() ? kUnknownHost : host->second, row.worker, id);
+    ++worker.failures;
+    if (row.t && (worker.episodes == 0 || age_ms(*row.t) < worker.age_ms)) worker.age_ms = age_ms(*row.t);
   }
   return hosts;
 }

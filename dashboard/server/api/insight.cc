@@ -50,7 +50,8 @@ Status Fill(Context& context, const OrderedJson& source, Asked& asked) {
   const Episode& episode = asked.record->episode;
   ETUDE_ASSIGN_OR_RETURN(const auto view, dataset->View());
   asked.demonstrated = view->info.spec.mode != "rollout";
-  const std::size_t picture = UnsignedOf(source, "picture").value_or(0);
+  ETUDE_ASSIGN_OR_RETURN(const auto number, WholeIn(source, "picture"));
+  const std::uint64_t picture = number.value_or(0);
   const std::size_t pictures = asked.record->frames.empty() ? 0 : asked.record->frames[0].size();
   if (picture >= pictures) return Fail(Code::kNotFound, fmt::format("episode {} has {} pictures", *index, pictures));
   ETUDE_RETURN_IF_ERROR(GoTo(static_cast<std::int64_t>(picture) * std::max(1, episode.image_stride), asked));

@@ -219,6 +219,7 @@ OrderedJson Jobs::JsonOf(const Job& job) const {
           {"action", job.action},
           {"command", job.command},
           {"state", state},
+          {"stopping", job.stops > 0},
           {"progress", nullptr},
           {"started", sources::Rfc3339(job.started)},
           {"ended", sources::TimeJson(job.ended)},

@@ -9,10 +9,9 @@
 #include <map>
 #include <set>
 #include <sstream>
-#include <tuple>
 
 #include "dashboard/server/api/context.h"
-#include "services/core/thread_annotations.h"
+#include "dashboard/server/api/counters.h"
 #include "services/episode/bounded_json.h"
 
 namespace etude::api {
@@ -165,33 +164,8 @@ void Training(const std::vector<RunMetrics>& runs, Exposition& out) {
   }
 }
 
-// Sums over processes that come and go: what one counted stays when it is gone, as a counter must never fall.
-class Counters {
- public:
-  using Key = std::pair<std::string, std::string>;  // values of two labels
-
-  void Saw(const std::string& family, const Key& key, const std::string& process, double count) {
-    MutexLock lock(mutex_);
-    if (last_.size() > kMost) last_.clear();
-    double& last = last_[{family, key, process}];
-    // one that began anew counts from 0
-    sums_[family][key] += count >= last ? count - last : count;
-    last = count;
-  }
-  std::map<Key, double> Sums(const std::string& family) {
-    MutexLock lock(mutex_);
-    return sums_[family];
-  }
-
- private:
-  static constexpr std::size_t kMost = 100'000;
-  Mutex mutex_;
-  std::map<std::tuple<std::string, Key, std::string>, double> last_ ETUDE_GUARDED_BY(mutex_);
-  std::map<std::string, std::map<Key, double>> sums_ ETUDE_GUARDED_BY(mutex_);
-};
-
 // By run and host: several servers of a run on a host are one series.
-void Policies(const live::LiveView& live, Counters& counters, Exposition& out) {
+void Policies(const live::LiveView& live, Counters& counters, Counters::TimePoint now, Exposition& out) {
   using Servers = std::vector<const live::LiveServer*>;
   std::map<Counters::Key, Servers> groups;
   for (const auto* server : ServersOf(live))
@@ -209,7 +183,7 @@ void Policies(const live::LiveView& live, Counters& counters, Exposition& out) {
     out.Family(name, "counter", help);
     for (const auto& [key, servers] : groups)
       for (const auto* server : servers)
-        counters.Saw(name, key, server->status.server, static_cast<double>(server->status.*value));
+        counters.Saw(name, key, server->status.server, static_cast<double>(server->status.*value), now);
     for (const auto& [key, sum] : counters.Sums(name))
       out.Sample(name, {{"run", key.first}, {"host", key.second}}, sum);
   };
@@ -233,7 +207,7 @@ void Policies(const live::LiveView& live, Counters& counters, Exposition& out) {
 }
 
 // By host and role: several of a role on a host are added up, a label each would grow without end.
-void Processes(const live::LiveView& live, Counters& counters, Exposition& out) {
+void Processes(const live::LiveView& live, Counters& counters, Counters::TimePoint now, Exposition& out) {
   struct Sum {
     double rss = 0, cpu = 0, count = 0;
   };
@@ -243,8 +217,8 @@ void Processes(const live::LiveView& live, Counters& counters, Exposition& out) 
     Sum& sum = sums[{status.host, status.role}];
     sum.rss += static_cast<double>(status.rss_bytes), sum.cpu += status.cpu, sum.count += 1;
     for (const auto& [topic, count] : monitor::Written(status)) {
-      counters.Saw("etude_bus_bytes_total", {status.host, topic}, process, static_cast<double>(count.bytes));
-      counters.Saw("etude_bus_samples_total", {status.host, topic}, process, static_cast<double>(count.samples));
+      counters.Saw("etude_bus_bytes_total", {status.host, topic}, process, count.bytes, now);
+      counters.Saw("etude_bus_samples_total", {status.host, topic}, process, count.samples, now);
     }
   }
   const auto each = [&](const char* name, const char* help, double Sum::*value) {
@@ -265,13 +239,15 @@ void Processes(const live::LiveView& live, Counters& counters, Exposition& out) 
 
 std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vector<RunMetrics>& runs,
                     const live::LiveView& live, Counters& counters) {
+  const auto now = MonotonicClock::now();
   Exposition out;
   Collection(datasets, out);
   Slots(live, out);
   PlanSeconds(datasets, out);
   Training(runs, out);
-  Policies(live, counters, out);
-  Processes(live, counters, out);
+  Policies(live, counters, now, out);
+  Processes(live, counters, now, out);
+  counters.Forget(now);
   return out.Take();
 }
 
@@ -280,7 +256,8 @@ constexpr std::size_t kMostOfKind = 40;
 // Identities of all datasets of rollouts that are here, however old.
 std::set<std::string> RolloutsHere(Context& context) {
   std::set<std::string> identities;
-  for (const auto& found : *context.sources.catalog().List()) {
+  const auto all = context.sources.catalog().List();  // what is shared must outlive the loop
+  for (const auto& found : *all) {
     if (found.kind != sources::Kind::kDataset || found.eval.empty()) continue;
     if (std::string id = context.sources.identities().Of(found.folder); !id.empty()) identities.insert(std::move(id));
   }

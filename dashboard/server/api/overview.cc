@@ -42,7 +42,9 @@ void GatherFiles(Context& context, Overview& all) {
       else if (kind == Kind::kRun)
         GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
       else
-        GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
+        GatherOne(
+            found, OpenEval(context, found.id), [&](const auto& view) { return EvalState(context, found, view); },
+            all.evals, all.unreadable);
     }
   }
 }

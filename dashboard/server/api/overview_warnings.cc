@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 
+#include "dashboard/server/api/curriculum.h"
 #include "dashboard/server/api/overview.h"
 
 namespace etude::api {
@@ -67,11 +68,12 @@ void WarnOfRuns(const Overview& all, OrderedJson& warnings) {
     if (loss != item.view->metrics.series().end() && loss->second.nulls > 0)
       warnings.push_back(Warning(
           "loss_not_finite", fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
-    for (const auto& line : item.view->curriculum)
-      if (TextOf(line, "cause") == "budget")
+    // the last word on each: what a life before said of it is no matter
+    for (const auto& row : StagesJson(*item.view, item.state))
+      if (TextOf(row, "cause") == "budget")
         warnings.push_back(Warning("stage_budget",
                                    fmt::format("{}: stage {} ended by its budget, not by its goal", item.name,
-                                               sources::UnsignedOf(line, "from").value_or(0)),
+                                               sources::UnsignedOf(row, "stage").value_or(0)),
                                    link));
   }
 }
@@ -141,7 +143,7 @@ void WarnOfDisks(Context& context, OrderedJson& warnings) {
 // What processes and policy servers say of themselves.
 void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
   constexpr double kLeast = 0.1;
-  constexpr std::int64_t kSilent_ms = 3000;
+  constexpr std::int64_t kSilent_ms = 3000, kRefusalStands_ms = 600'000;
   const std::set<std::string> lasting{"collector", "etude collect", "trainer", "policy", "relay"};
   std::set<std::string> disks;
   for (const auto& [process, heard] : all.live->processes) {
@@ -160,7 +162,7 @@ void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
                                  "/fleet?filter=" + status.host, WallSeconds() - static_cast<double>(age) / 1000));
   }
   for (const auto* server : ServersOf(*all.live))
-    if (!server->status.last_refusal.empty())
+    if (!server->status.last_refusal.empty() && live::AgeMs(server->refused) < kRefusalStands_ms)
       warnings.push_back(
           Warning("policy_refuses",
                   fmt::format("policy on {} refused: {}", server->status.host, server->status.last_refusal), "/logs"));

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: sessions in which people talk to a policy, and pictures of scenes to begin with.
+#include "dashboard/server/api/play.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,6 +15,7 @@
 #include "dashboard/server/api/jobs.h"
 #include "dashboard/server/live/play_watch.h"
 #include "services/campaign/process.h"
+#include "services/core/command.h"
 #include "services/core/hash.h"
 #include "services/core/identity.h"
 #include "services/core/share.h"
@@ -27,7 +30,6 @@ namespace etude::api {
 namespace {
 
 using sources::TextOf;
-using sources::UnsignedOf;
 using namespace std::chrono_literals;
 
 constexpr std::size_t kScenesKept = 500;
@@ -73,25 +75,9 @@ Result<live::PlayWatch*> WatchOf(Context& context) {
   return Fail(Code::kUnavailable, "play: this gateway reads no bus (--no-bus)");
 }
 
-// Campaign files that come with the programs, by name.
-std::vector<std::string> ShippedCampaigns() {
-  std::vector<std::string> names;
-  const auto folder = FindShared("campaigns");
-  std::error_code error;
-  if (!folder) return names;
-  for (std::filesystem::directory_iterator it(*folder, error), end; !error && it != end; it.increment(error))
-    if (it->path().extension() == ".yaml") names.push_back(it->path().stem().string());
-  std::ranges::sort(names);
-  return names;
-}
-
 // A dataset that was found, or a campaign that comes along: never a path of the request's.
 Result<Path> SpecOf(Context& context, const std::string& id) {
-  const auto names = ShippedCampaigns();
-  if (std::ranges::find(names, id) != names.end()) {
-    ETUDE_ASSIGN_OR_RETURN(const Path folder, FindShared("campaigns"));
-    return folder / (id + ".yaml");
-  }
+  if (auto shipped = ShippedCampaign(id)) return shipped;
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(id));
   return dataset->found().folder;
 }
@@ -116,7 +102,8 @@ Result<std::vector<std::string>> WorkerOf(Context& context, const OrderedJson& b
   (void)watch;
   ETUDE_ASSIGN_OR_RETURN(const Path spec, SpecOf(context, TextOf(body, "spec")));
   ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(TextOf(body, "run"), "run"));
-  const auto index = UnsignedOf(body, "index").value_or(0);
+  ETUDE_ASSIGN_OR_RETURN(const auto number, WholeIn(body, "index"));
+  const auto index = number.value_or(0);
   if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
   ETUDE_ASSIGN_OR_RETURN(const auto seed, SeedIn(body));
   std::vector<std::string> arguments{"worker", "play", spec.string(), "--run", run.text()};
@@ -266,26 +253,6 @@ Result<http::Answer> Meaning(Context& context, Parsers& parsers, const http::Req
 
 // ---- scenes ---------------------------------------------------------------------------------------
 
-Status Render(const Path& spec, std::uint64_t index, std::optional<std::uint64_t> seed, const Path& file) {
-  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
-  const Path log = file.string() + ".log";
-  std::vector<std::string> argv{program.string(),      "scene", "render",     spec.string(), "--index",
-                                std::to_string(index), "--out", file.string()};
-  if (seed) argv.insert(argv.end(), {"--seed", std::to_string(*seed)});
-  ETUDE_ASSIGN_OR_RETURN(auto process, campaign::Process::Start({argv, log, {}}));
-  const auto code = process.Wait(kRenders);
-  std::error_code ignored;
-  if (code == 0) {
-    std::filesystem::remove(log, ignored);
-    return {};
-  }
-  const auto said = ReadTextFile(log, 1 << 16);
-  std::filesystem::remove(log, ignored);
-  if (!code) return Fail(Code::kTimeout, "render a scene: it takes too long");
-  return Fail(Code::kInvalidArgument,
-              fmt::format("render a scene: {}", said ? said->substr(0, 500) : "etude-worker failed"));
-}
-
 void TrimScenes(const Path& folder) {
   std::vector<std::pair<std::filesystem::file_time_type, Path>> files;
   std::error_code error;
@@ -318,7 +285,8 @@ Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::
     if (!one) return Fail(Code::kUnavailable, "render a scene: another one is being rendered; ask again");
     ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
     const Path fresh = folder / fmt::format("{}.{}.png", file.stem().string(), NewId());
-    ETUDE_RETURN_IF_ERROR(Render(spec, index, seed, fresh));
+    ETUDE_ASSIGN_OR_RETURN(const Path worker, campaign::FindSibling("etude-worker"));
+    ETUDE_RETURN_IF_ERROR(RenderScene(worker, {spec, index, seed}, fresh));
     std::filesystem::rename(fresh, file, error);
     if (error)
       return Fail(Code::kUnavailable, fmt::format("keep the picture '{}': {}", file.string(), error.message()));
@@ -329,6 +297,45 @@ Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::
 }
 
 }  // namespace
+
+std::vector<std::string> ShippedCampaigns() {
+  std::vector<std::string> names;
+  const auto folder = FindShared("campaigns");
+  std::error_code error;
+  if (!folder) return names;
+  for (std::filesystem::directory_iterator it(*folder, error), end; !error && it != end; it.increment(error))
+    if (it->path().extension() == ".yaml") names.push_back(it->path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+Result<Path> ShippedCampaign(const std::string& name) {
+  const auto names = ShippedCampaigns();
+  if (std::ranges::find(names, name) == names.end()) return Fail(Code::kNotFound, NotKnown(name.substr(0, 40), names));
+  ETUDE_ASSIGN_OR_RETURN(const Path folder, FindShared("campaigns"));
+  return folder / (name + ".yaml");
+}
+
+Status RenderScene(const Path& worker, const ScenePicture& picture, const Path& file) {
+  const Path log = file.string() + ".log";
+  std::vector<std::string> argv{
+      worker.string(), "scene",      "render", picture.spec.string(), "--index", std::to_string(picture.index),
+      "--out",         file.string()};
+  if (picture.seed) argv.insert(argv.end(), {"--seed", std::to_string(*picture.seed)});
+  ETUDE_ASSIGN_OR_RETURN(auto process, campaign::Process::Start({argv, log, {}}));
+  const auto code = process.Wait(kRenders);
+  std::error_code ignored;
+  if (code == 0) {
+    std::filesystem::remove(log, ignored);
+    return {};
+  }
+  const auto said = ReadTextFile(log, 1 << 16);
+  std::filesystem::remove(log, ignored);
+  if (!code) return Fail(Code::kTimeout, "render a scene: it takes too long");
+  const std::string why =
+      said && !said->empty() ? said->substr(0, 500) : "etude-worker ended with " + campaign::HowItEnded(*code);
+  return Fail(CodeForExit(*code), "render a scene: " + why);
+}
 
 Result<OrderedJson> PlayJson(Context& context, const std::string& session) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
@@ -349,7 +356,7 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   add("GET", "/play/sessions", Access::kRead, List);
   add("POST", "/play/sessions", Access::kRead, OpenSession);  // it looks at the token itself: a dry run needs none
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
-  add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kBus);
+  add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kPlay);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
   add("GET", "/play/sessions/{id}/insight", Access::kRead, LookInto);
   add("GET", "/play/sessions/{id}/meaning", Access::kRead,

@@ -98,14 +98,18 @@ struct ErrorShape {
   bool from_accuracy;
 };
 
+// What a module decodes; "": the config has no such module.
+std::string QuantityOf(const OrderedJson& config, const std::string& module) {
+  for (const auto& one : PartOf(PartOf(config, "policy"), "modules"))
+    if (TextOf(one, "name") == module) return TextOf(PartOf(one, "decoder"), "quantity");
+  return "";
+}
+
 // By what the module decodes: before its first validation nothing else tells.
 ErrorShape ShapeOf(const OrderedJson& config, const std::string& module) {
-  for (const auto& one : PartOf(PartOf(config, "policy"), "modules")) {
-    if (TextOf(one, "name") != module) continue;
-    const std::string quantity = TextOf(PartOf(one, "decoder"), "quantity");
-    if (quantity == "class" || quantity == "task") return {"accuracy", "-", 1, true};
-    if (quantity == "pixel") return {"px", "px", 1, false};
-  }
+  const std::string quantity = QuantityOf(config, module);
+  if (quantity == "class" || quantity == "task") return {"accuracy", "-", 1, true};
+  if (quantity == "pixel") return {"px", "px", 1, false};
   return {"cm", "cm", 100, false};
 }
 
@@ -136,15 +140,16 @@ OrderedJson GoalsJson(const sources::RunView& view) {
 
 // ---- /runs/{id} ---------------------------------------------------------------------------------
 
-// @param found  its folder empty: on the bus alone
-OrderedJson RunJson(const sources::Found& found, const sources::RunView& view, const RunState& state) {
+// @param id  as it was asked for   @param found  its folder empty: on the bus alone
+OrderedJson RunJson(const std::string& id, const sources::Found& found, const sources::RunView& view,
+                    const RunState& state) {
   OrderedJson lives = OrderedJson::array();
   for (const auto& life : view.metrics.lives())
     lives.push_back({{"from_step", life.from_step}, {"t", sources::TimeJson(life.t)}});
   OrderedJson end;
   if (const auto& said = view.metrics.end())
     end = {{"cause", said->cause}, {"step", Maybe(said->step)}, {"t", sources::TimeJson(said->t)}};
-  OrderedJson json{{"id", found.id},
+  OrderedJson json{{"id", id},
                    {"name", found.name},
                    {"folder", TextOrNull(found.shown)},
                    {"path", TextOrNull(found.folder.string())},
@@ -170,18 +175,26 @@ OrderedJson RunJson(const sources::Found& found, const sources::RunView& view, c
   return json;
 }
 
+// What is heard of a run under its name on the bus; null: nothing.
+const live::LiveRun* OnBus(const live::LiveView& live, const std::string& id) {
+  for (const auto& [identity, run] : live.runs)
+    if (BusId(run.presence) == id) return &run;
+  return nullptr;
+}
+
 Result<http::Answer> Run(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
   const auto live = context.live();
-  for (const auto& [identity, run] : live->runs)
-    if (BusId(run.presence) == id) {
-      sources::Found nowhere;
-      nowhere.kind = sources::Kind::kRun, nowhere.id = id, nowhere.name = run.presence.name;
-      return http::JsonAnswer(RunJson(nowhere, {}, StateOf(nullptr, &run)));
-    }
-  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
-  const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
-  return http::JsonAnswer(RunJson(opened.source->found(), *opened.view, state));
+  const auto opened = OpenRun(context, id);
+  if (opened) {
+    const auto state = StateOf(opened->view.get(), LiveOf(*live, *opened->view));
+    return http::JsonAnswer(RunJson(id, opened->source->found(), *opened->view, state));
+  }
+  const auto* const heard = OnBus(*live, id);
+  if (!heard) return Fail(opened.error());
+  sources::Found nowhere;
+  nowhere.kind = sources::Kind::kRun, nowhere.name = heard->presence.name;
+  return http::JsonAnswer(RunJson(id, nowhere, {}, StateOf(nullptr, heard)));
 }
 
 // ---- series -------------------------------------------------------------------------------------
@@ -294,15 +307,17 @@ class Metadata {
   const std::map<std::string, std::string>& values_;
 };
 
-OrderedJson ModulesJson(const OrderedJson& modules) {
+OrderedJson ModulesJson(const OrderedJson& modules, const OrderedJson& config) {
   OrderedJson json = OrderedJson::object();
   for (const auto& [name, record] : modules.items())
-    json[name] = {{"trained_steps", Maybe(sources::UnsignedOf(record, "trained_steps"))},
+    json[name] = {{"quantity", TextOrNull(QuantityOf(config, name))},
+                  {"trained_steps", Maybe(sources::UnsignedOf(record, "trained_steps"))},
                   {"error", Maybe(sources::NumberOf(record, "error"))}};
   return json;
 }
 
-OrderedJson CheckpointJson(const sources::CheckpointHeader& header, const OrderedJson& served_by) {
+OrderedJson CheckpointJson(const sources::CheckpointHeader& header, const OrderedJson& config,
+                           const OrderedJson& served_by) {
   const Metadata metadata(header.metadata);
   const OrderedJson embodiment = metadata.Part("embodiment");
   const OrderedJson said = metadata.Part("metrics");
@@ -321,7 +336,7 @@ OrderedJson CheckpointJson(const sources::CheckpointHeader& header, const Ordere
           {"sha256", TextOrNull(header.sha256)},
           {"channels", header.channels},
           {"metrics", metrics},
-          {"modules", ModulesJson(metadata.Part("modules"))},
+          {"modules", ModulesJson(metadata.Part("modules"), config)},
           {"parameters", header.parameters},
           {"dataset", metadata.TextOrNull("dataset")},
           {"architecture", metadata.TextOrNull("architecture")},
@@ -375,7 +390,7 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
   const auto live = context.live();
   OrderedJson rows = OrderedJson::array();
   for (const auto& header : opened.view->checkpoints)
-    rows.push_back(CheckpointJson(header, ServedBy(*live, opened.view->identity, header)));
+    rows.push_back(CheckpointJson(header, opened.view->config, ServedBy(*live, opened.view->identity, header)));
   const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
   OrderedJson next;
   const auto every = sources::UnsignedOf(PartOf(opened.view->config, "checkpoint"), "every_steps").value_or(0);
@@ -460,23 +475,14 @@ Result<http::Answer> Diff(Context& context, const http::Request& request) {
 Result<OrderedJson> TrainNews(Context& context, const std::string& id, std::uint64_t since) {
   constexpr std::size_t kMost = 20;
   const auto live = context.live();
-  sources::RunView none;
-  const sources::RunView* view = &none;
-  std::shared_ptr<const sources::RunView> held;
-  const live::LiveRun* heard = nullptr;
-  for (const auto& [identity, run] : live->runs)
-    if (BusId(run.presence) == id) heard = &run;
-  RunState state;
-  if (heard) {
-    state = StateOf(nullptr, heard);
-  } else {
-    ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
-    held = opened.view;
-    view = held.get();
-    state = StateOf(view, LiveOf(*live, *view));
-  }
+  const auto opened = OpenRun(context, id);
+  const auto* const view = opened ? opened->view.get() : nullptr;
+  const auto* const heard = view ? LiveOf(*live, *view) : OnBus(*live, id);
+  if (!view && !heard) return Fail(opened.error());
+  const RunState state = StateOf(view, heard);
   OrderedJson lines = OrderedJson::array();
-  for (const auto& line : view->metrics.LinesAfter(since, kMost)) lines.push_back(http::ForBrowsers(line));
+  if (view)
+    for (const auto& line : view->metrics.LinesAfter(since, kMost)) lines.push_back(http::ForBrowsers(line));
   OrderedJson json{{"run", id}, {"state", state.state}};
   json.update(ProgressJson(state));
   json["lines"] = std::move(lines);

@@ -16,8 +16,10 @@ namespace etude::http {
 using Handler = std::function<Result<Answer>(const Request&)>;
 
 /// Who runs a handler. HDF5 takes one reader at a time: whoever reads episodes queues in a lane of its own, so that
-/// pages that need none never wait behind it; so does whoever waits for another process, which may not answer.
-enum class Lane : std::uint8_t { kFiles, kEpisodes, kBus };
+/// pages that need none never wait behind it; so does whoever waits for another process, which may not answer. Who
+/// talks to a robot (kPlay) does not wait behind those who render or look (kBus). What needs no file and nobody is
+/// answered at once, on the network's own thread.
+enum class Lane : std::uint8_t { kFiles, kEpisodes, kBus, kPlay, kAtOnce };
 
 /// Who may ask.
 enum class Access : std::uint8_t {

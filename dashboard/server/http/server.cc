@@ -57,14 +57,27 @@ void Server::State::Accept() {
 }
 
 void Server::State::Post(Lane lane, std::function<void()> work) {
-  auto& pool = lane == Lane::kEpisodes ? episodes : lane == Lane::kBus ? bus : files;
-  net::post(pool, [work = std::move(work)] {
-    try {
-      work();
-    } catch (const std::exception& error) {
-      Log().error("work for the pages failed: {}", error.what());
-    }
-  });
+  const auto post = [&work](auto& place) {
+    net::post(place, [work = std::move(work)] {
+      try {
+        work();
+      } catch (const std::exception& error) {
+        Log().error("work for the pages failed: {}", error.what());
+      }
+    });
+  };
+  switch (lane) {
+    case Lane::kFiles:
+      return post(files);
+    case Lane::kEpisodes:
+      return post(episodes);
+    case Lane::kBus:
+      return post(bus);
+    case Lane::kPlay:
+      return post(play);
+    case Lane::kAtOnce:
+      return post(network);
+  }
 }
 
 Result<std::unique_ptr<Server>> Server::Open(const ServerOptions& options, const Service& service,
@@ -97,6 +110,7 @@ Server::~Server() {
   state_->files.join();
   state_->episodes.join();
   state_->bus.join();
+  state_->play.join();
 }
 
 std::uint16_t Server::port() const {
@@ -121,6 +135,7 @@ void Server::Stop() {
   state_->files.stop();
   state_->episodes.stop();
   state_->bus.stop();
+  state_->play.stop();
 }
 
 void Server::InLane(Lane lane, std::function<void()> work) { state_->Post(lane, std::move(work)); }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sockets: one thread for the network, a few for files, one for episodes, two for the bus. Boost.Beast stays behind
-// this header.
+// The sockets: one thread for the network, a few for files, one for episodes, two for the bus, two for commands to play
+// sessions. Boost.Beast stays behind this header.
 #pragma once
 
 #include <chrono>
@@ -26,6 +26,7 @@ struct ServerOptions {
   std::chrono::milliseconds write_time{60'000};   ///< without progress
   unsigned file_threads = 2;
   unsigned bus_threads = 2;
+  unsigned play_threads = 2;
 };
 
 /// Makes the client of a WebSocket that was let in.

@@ -28,7 +28,8 @@ struct Server::State {
         acceptor(network),
         files(server_options.file_threads),
         episodes(1),
-        bus(server_options.bus_threads) {}
+        bus(server_options.bus_threads),
+        play(server_options.play_threads) {}
 
   void Accept();
   /// Runs `work` on a thread of the lane. What it throws is logged: a pool ends the process for it.
@@ -41,7 +42,7 @@ struct Server::State {
   const SocketFactory sockets;
   net::io_context network{1};
   net::ip::tcp::acceptor acceptor;
-  net::thread_pool files, episodes, bus;
+  net::thread_pool files, episodes, bus, play;
   std::list<net::steady_timer> timers;
 };
 

@@ -118,6 +118,7 @@ class Ears {
       : participant_(&participant), directory_(std::move(directory)), processes_(std::move(processes)) {}
 
   void Follow(const bus::Presence& presence) {
+    if (presence.kind == bus::PresenceKind::kRelay) return;  // it says nothing that is shown
     if (presence.wire != bus::kWireVersion || campaigns_.size() + runs_.size() >= kMostWatched) return;
     if (refused_.contains(presence.id)) return;
     const std::string partition = bus::Owner{presence.name, presence.id}.partition();

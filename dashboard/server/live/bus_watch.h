@@ -11,6 +11,7 @@
 #include "dashboard/server/live/live_model.h"
 #include "services/bus/arguments.h"
 #include "services/bus/participant.h"
+#include "services/core/result.h"
 #include "services/core/thread_annotations.h"
 
 namespace etude::live {
@@ -35,13 +36,13 @@ class BusWatch {
   std::shared_ptr<const LiveView> View() const;
   /// The newest messages of a topic, by partition. It is read from the first call on, until nobody has asked for a few
   /// seconds: the first answer has what was heard before, that is, nothing. @error kNotFound: no topic of messages.h;
-  /// kInvalidArgument: one that carries episodes
+  /// kInvalidArgument: one that carries episodes; as SampleTap::Read
   Result<std::vector<Sample>> Newest(const std::string& topic);
 
  private:
   struct Wish {
     TimePoint until{};
-    std::vector<Sample> samples;
+    Result<std::vector<Sample>> samples;
   };
   Status Read(LiveModel& model, const std::stop_token& stop);
   void Run(std::stop_token stop);

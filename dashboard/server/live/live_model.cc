@@ -195,6 +195,9 @@ void LiveModel::On(const bus::PolicyStatus& status, TimePoint now) {
   std::erase_if(view_.servers, [&](const auto& item) { return now - item.second.heard > kServerForgotten; });
   if (!view_.servers.contains(status.server) && view_.servers.size() >= kMostOwners) return;
   auto& server = view_.servers[status.server];
+  // it does not say when: a refusal from before it was heard first counts from then
+  const bool again = status.refused != server.status.refused || status.last_refusal != server.status.last_refusal;
+  if (again) server.refused = now;
   server.status = status;
   server.heard = now;
   server.answered.emplace_back(now, status.answered);

@@ -70,6 +70,7 @@ struct LivePolicy {
 struct LiveServer {
   bus::PolicyStatus status;
   TimePoint heard{};
+  TimePoint refused{};  ///< when it was heard that it refused once more; what it said last stays in `status`
   std::deque<std::pair<TimePoint, std::uint64_t>> answered;  ///< counts of the last 10 s, for a rate
   /// nullopt: not heard for long enough.
   std::optional<double> AnswersPerSecond() const;

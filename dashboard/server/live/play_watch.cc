@@ -15,7 +15,10 @@ using namespace std::chrono_literals;
 
 constexpr auto kListen = 30ms;
 constexpr auto kForgotten = 10s;  // pictures and insights that nobody asks for
-constexpr auto kAnswer = 8s;      // of a session, within what a request may take
+// together within what a request may take
+constexpr auto kTurn = 1500ms;  // for the session to answer the command before
+constexpr auto kAnswer = 8s;
+constexpr auto kLookAgain = 10ms;
 
 }  // namespace
 
@@ -149,7 +152,13 @@ Result<bus::PlayState> PlayWatch::Command(const std::string& name, bus::PlayActi
     commander = slot;
     participant = reading_;
   }
-  MutexLock lock(commander->mutex);
+  std::unique_lock turn(commander->mutex, std::try_to_lock);
+  for (const auto end = Deadline(kTurn); !turn && MonotonicClock::now() < end; (void)turn.try_lock())
+    std::this_thread::sleep_for(kLookAgain);
+  if (!turn)
+    return Fail(Code::kUnavailable, fmt::format("play session '{}' has not answered the command before this one yet; "
+                                                "ask again in a moment",
+                                                session.state.session));
   if (!commander->client) {
     ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(*participant));
     commander->client.emplace(std::move(client));

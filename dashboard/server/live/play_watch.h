@@ -5,6 +5,7 @@
 
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -44,7 +45,7 @@ class PlayWatch {
     std::optional<policy::Insight> newest;
   };
   Result<Insight> LookInto(const std::string& name);
-  /// See play::Client::Command.
+  /// See play::Client::Command. @error kUnavailable, too: the session has not answered the command before it
   Result<bus::PlayState> Command(const std::string& name, bus::PlayAction action, const OrderedJson& arguments);
 
  private:
@@ -68,8 +69,8 @@ class PlayWatch {
   std::optional<bus::Participant> participant_ ETUDE_GUARDED_BY(start_mutex_);
   // Each session has its own: one that does not answer keeps nobody else's commands.
   struct Commander {
-    Mutex mutex;
-    std::optional<play::Client> client ETUDE_GUARDED_BY(mutex);
+    std::mutex mutex;                    // etude::Mutex cannot be tried
+    std::optional<play::Client> client;  // of who holds it
   };
   mutable Mutex mutex_;
   std::map<std::string, std::shared_ptr<Commander>> commanders_ ETUDE_GUARDED_BY(mutex_);

@@ -18,13 +18,15 @@ class SampleTap {
   explicit SampleTap(const bus::Participant& participant) : participant_(participant) {}
 
   /// Reads these topics in the partitions in which they are written now; readers of others end.
-  /// @returns the newest message of each partition, by topic
-  std::map<std::string, std::vector<Sample>> Read(const std::vector<std::string>& topics);
+  /// @returns the newest message of each partition, by topic. @error of a topic of which no partition can be read: of
+  /// the bus, such as that a gateway's identity may not
+  std::map<std::string, Result<std::vector<Sample>>> Read(const std::vector<std::string>& topics);
 
  private:
   struct Tapped {
     std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
     std::map<std::string, Sample> newest;                       // by partition
+    std::map<std::string, Error> refused;                       // by partition: said once, and not tried again
     int round = 0;
   };
   void Join(const std::string& topic, Tapped& tapped);

@@ -9,9 +9,11 @@
 #include <cctype>
 #include <deque>
 #include <functional>
-#include <set>
+#include <map>
 #include <tuple>
 #include <utility>
+
+#include "services/core/hash.h"
 
 namespace etude::sources {
 namespace {
@@ -23,13 +25,33 @@ constexpr std::chrono::seconds kScanEvery{3};
 constexpr std::array<std::string_view, 6> kClosed{"episodes",   "videos",  "checkpoints",
                                                   "quarantine", "objects", "node_modules"};
 
+std::string WithHash(const std::string& id, const std::string& shown) {
+  return id + "-" + Sha256Hex(shown).substr(0, 8);
+}
+
+// Where a character had to go, "a b" would be called as "a_b" is.
 std::string IdOf(const std::string& shown) {
   std::string id;
+  bool same = true;
   for (const char c : shown) {
     const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
+    same = same && (plain || c == '/');
     id += c == '/' ? '.' : plain ? c : '_';
   }
-  return id;
+  return same ? id : WithHash(id, shown);
+}
+
+// What people call each -> its id. Of "a.b" and "a/b", which would have one, neither has it: with what comes later no
+// id goes to another folder.
+std::map<std::string, std::string> IdsOf(const std::vector<std::string>& all_shown) {
+  std::map<std::string, int> wanted;
+  for (const auto& shown : all_shown) ++wanted[IdOf(shown)];
+  std::map<std::string, std::string> ids;
+  for (const auto& shown : all_shown) {
+    const std::string id = IdOf(shown);
+    ids[shown] = wanted.at(id) > 1 ? WithHash(id, shown) : id;
+  }
+  return ids;
 }
 
 // `wanted`, else with the first number behind it that `take` takes: "out", "out-2".
@@ -68,7 +90,7 @@ std::optional<Kind> KindOf(const Path& folder) {
   return std::nullopt;
 }
 
-// Looks through one root, folders that lie higher first.
+// Looks through one root, folders that lie higher first. Until GiveIds, what people call them stands for ids.
 class Search {
  public:
   Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs, const Path& left_out, std::size_t most_entries)
@@ -90,6 +112,21 @@ class Search {
     return open.empty() && entries < most_entries_;
   }
 
+  /// After the last root.
+  void GiveIds() {
+    std::vector<std::string> shown;
+    for (const auto& item : found_) shown.push_back(item.shown);
+    const auto ids = IdsOf(shown);
+    for (auto& item : found_) {
+      item.id = ids.at(item.shown);
+      if (!item.eval.empty()) item.eval = ids.at(item.eval);
+    }
+    shown.clear();
+    for (const auto& log : logs_) shown.push_back(log.id);
+    const auto log_ids = IdsOf(shown);
+    for (auto& log : logs_) log.id = log_ids.at(log.id);
+  }
+
  private:
   struct Step {
     Path folder;
@@ -97,15 +134,13 @@ class Search {
     int depth = 0;
   };
 
-  // returns the id when it is an evaluation
+  // returns what it is called when it is an evaluation
   std::string Note(const Step& step) {
     const auto kind = KindOf(step.folder);
     if (!kind) return "";
-    const std::string id =
-        Unique(IdOf(step.shown), [&](const std::string& name) { return ids_.emplace(*kind, name).second; });
-    found_.push_back({*kind, id, step.folder.filename().string(), step.folder, step.shown,
+    found_.push_back({*kind, "", step.folder.filename().string(), step.folder, step.shown,
                       *kind == Kind::kDataset ? step.eval : "", ChangedOf(step.folder)});
-    return *kind == Kind::kEval ? id : "";
+    return *kind == Kind::kEval ? step.shown : "";
   }
 
   // logs: files that end in .log are ours
@@ -121,8 +156,7 @@ class Search {
       if (it->is_directory(ignored)) {
         if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
       } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
-        const auto take = [&](const std::string& id) { return log_ids_.insert(id).second; };
-        logs_.push_back({Unique(IdOf(step.shown + "/" + name), take), step.folder, name});
+        logs_.push_back({step.shown + "/" + name, step.folder, name});
       }
     }
     std::ranges::sort(folders);
@@ -137,8 +171,6 @@ class Search {
   std::vector<Catalog::LogFile>& logs_;
   const Path& left_out_;
   const std::size_t most_entries_;
-  std::set<std::pair<Kind, std::string>> ids_;
-  std::set<std::string> log_ids_;
 };
 
 // Of each root its own, by which its folders keep their ids whatever comes to the others: "out", "out-2".
@@ -200,6 +232,7 @@ void Catalog::Scan() {
   not_searched_.clear();
   for (std::size_t i = 0; i < roots_.size(); ++i)
     if (!search.Root(roots_[i], names_[i])) not_searched_.push_back(roots_[i]);
+  search.GiveIds();
   std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
   found_ = std::move(found);
   logs_ = std::move(logs);

@@ -20,9 +20,11 @@ std::string ToString(Kind kind);  ///< "dataset", "run", "eval"
 
 struct Found {
   Kind kind = Kind::kDataset;
-  std::string id;    ///< the folder below its root, with '.' between its parts: "quickstart.run.base"; unique of a kind
-  std::string name;  ///< the folder's own
-  Path folder;       ///< absolute, without links
+  /// The folder below its root, with '.' between its parts: "quickstart.run.base"; behind that a hash of what it is
+  /// called where it would have the id of another: "lab.my_data-1c2d3e4f" of "lab/my data". Unique.
+  std::string id;
+  std::string name;    ///< the folder's own
+  Path folder;         ///< absolute, without links
   std::string shown;   ///< for people: "quickstart/run/base"
   std::string eval;    ///< a dataset of rollouts: the evaluation's id; else ""
   double changed = 0;  ///< newest change of its files at the last look, seconds since 1970

@@ -27,17 +27,28 @@ class Sources {
   Catalog& catalog() { return catalog_; }
   Identities& identities() { return identities_; }
   const Replays& replays() const { return replays_; }
-  /// One that was found, or a replay's ("replay.<key>"). @error kNotFound
+  /// One that was found, by its id or as NAME@ID on the bus, or a replay's ("replay.<key>"). @error kNotFound
   Result<std::shared_ptr<DatasetSource>> Dataset(const std::string& id) {
     const auto key = Replays::KeyIn(id);
-    return Get(datasets_, key ? replays_.FindDataset(*key) : catalog_.Find(Kind::kDataset, id));
+    return Get(datasets_, key ? replays_.FindDataset(*key) : Find(Kind::kDataset, id));
   }
-  Result<std::shared_ptr<RunSource>> Run(const std::string& id) { return Get(runs_, catalog_.Find(Kind::kRun, id)); }
+  Result<std::shared_ptr<RunSource>> Run(const std::string& id) { return Get(runs_, Find(Kind::kRun, id)); }
   Result<std::shared_ptr<EvalSource>> Eval(const std::string& id) {
     return Get(evals_, catalog_.Find(Kind::kEval, id));
   }
 
  private:
+  // A page that began with a name on the bus goes on with it when the folder has come. No folder's id has an '@'.
+  Result<Found> Find(Kind kind, const std::string& id) {
+    const auto at = id.rfind('@');
+    const std::string identity = at == std::string::npos ? "" : id.substr(at + 1);
+    if (identity.empty()) return catalog_.Find(kind, id);
+    const auto all = catalog_.List();
+    for (const auto& item : *all)
+      if (item.kind == kind && identities_.Of(item.folder) == identity) return item;
+    return catalog_.Find(kind, id);
+  }
+
   template <class Source>
   struct Cached {
     std::shared_ptr<Source> source;

@@ -189,17 +189,20 @@ TEST_F(Desk, ShowsEverySessionOfAWishForAll) {
 }
 
 TEST_F(Desk, ShowsAtMostSoManyASecond) {
-  Wish("", 30);
+  Wish("", 60);
   const auto observation = ExampleObservation(4, "demo", kInsightRun);
   ASSERT_TRUE(Offer(observation, 20s));
   const Stopwatch watch;
   const auto before = desk_->shown();
-  while (watch.Seconds() < 1) {
+  const auto offer = [&] {
     desk_->Offer(observation, model_);
     insights_.Wait(5ms);
     (void)insights_.Take();
-  }
+  };
+  while (watch.Seconds() < 1) offer();
   EXPECT_LE(desk_->shown() - before, InsightDesk::kPerSecond + 2);
+  // and, however busy the machine is, more than one
+  while (desk_->shown() - before < 2 && watch.Seconds() < 20) offer();
   EXPECT_GE(desk_->shown() - before, 2);
 }
 

@@ -103,6 +103,33 @@ TEST_F(LookedInto, RobotsAreToldTheSameBitsAsWithoutAnybodyLooking) {
   EXPECT_GE(looks, 2);
 }
 
+// before, one question about a picture of another camera stood as the server's refusal until it ended
+TEST_F(LookedInto, WhatWhoeverLooksIsRefusedIsNoRefusalOfARobot) {
+  auto statuses = bus::Reader<bus::PolicyStatus>::Open(participant_, bus::Owner{run_.name, kId}.partition()).value();
+  bus::PolicyStatus status;
+  const auto until = [&](auto&& said) {
+    for (const auto deadline = MonotonicClock::now() + 20s; !said() && MonotonicClock::now() < deadline;) {
+      statuses.Wait(1s);
+      for (auto& taken : statuses.Take()) status = std::move(taken);
+    }
+    return said();
+  };
+  std::vector<std::uint8_t> picture;
+  policy::Question odd = ExampleQuestion(1, picture);
+  odd.joints.clear();
+  {
+    auto client = policy::InsightClient::Open(participant_, run_.text()).value();
+    EXPECT_THAT(client.Ask(odd), HasCode(Code::kInvalidArgument));
+  }
+  ASSERT_TRUE(until([&] { return status.refused > 0; }));
+  EXPECT_EQ(status.last_refusal, "");
+
+  auto robot = policy::Client::Open(participant_, run_.text(), "robot").value();
+  EXPECT_FALSE(robot.Ask(odd));
+  ASSERT_TRUE(until([&] { return !status.last_refusal.empty(); }));
+  EXPECT_THAT(status.last_refusal, ::testing::StartsWith("observation: "));
+}
+
 TEST_F(LookedInto, WhatWordsAndJointsAreWorthIsAskedForByWish) {
   auto client = policy::InsightClient::Open(participant_, run_.text()).value();
   std::vector<std::uint8_t> picture;

@@ -101,6 +101,64 @@ TEST_F(ActionsTest, EvaluationsLieInTheFoldersGiven) {
   EXPECT_THAT(answer->body, HasSubstr("--out " + (lab_.root() / "run" / "eval-00000200-9001").string()));
 }
 
+// before, whatever a run was trained on, it was measured on pick, push and put_down with the UR5
+TEST_F(ActionsTest, ARunIsEvaluatedInTheScenesThatAreAskedFor) {
+  OrderedJson body{{"action", "evaluate"}, {"run", "lab.run"}, {"file", "00000200.safetensors"}};
+  const auto plain = Post(body);
+  EXPECT_THAT(plain.body, testing::Not(HasSubstr("--scenes")));
+  EXPECT_EQ(OrderedJson::parse(plain.body)["scenes"], "default");
+  body["scenes"] = "obstacle";
+  const auto other = Post(body);
+  ASSERT_EQ(other.status, 200) << other.body;
+  EXPECT_THAT(other.body, HasSubstr("campaigns/obstacle.yaml"));
+  EXPECT_THAT(other.body, HasSubstr("run-eval-00000200-9001-obstacle")) << "one folder has one kind of scenes";
+  EXPECT_EQ(OrderedJson::parse(other.body)["scenes"], "obstacle");
+  for (const OrderedJson& wrong : {OrderedJson("none"), OrderedJson(""), OrderedJson("../x"), OrderedJson(3)}) {
+    body["scenes"] = wrong;
+    EXPECT_EQ(Post(body).status, 400) << wrong.dump();
+  }
+}
+
+// before, every question was refused, and who had asked for it learnt that after an hour
+TEST_F(ActionsTest, ACheckpointOfAnotherRobotOrCameraNeedsScenesOfItsKind) {
+  const auto save = [&](const std::string& name, const OrderedJson& embodiment) {
+    store::Safetensors content;
+    content.metadata = {{"step", "300"}, {"refused", ""}, {"embodiment", embodiment.dump()}};
+    content.tensors["modules.LANG.w"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
+    const Path file = lab_.root() / "run" / "checkpoints" / (name + ".safetensors");
+    ASSERT_THAT(store::WriteSafetensors(file, content), IsOk());
+  };
+  save("panda", {{"robot", "panda"}, {"fovy", 1.047198}});
+  save("narrow", {{"robot", "ur5"}, {"fovy", 0.785398}});
+  save("anything", OrderedJson::object());
+  const auto ask = [&](const std::string& name, const char* scenes = nullptr) {
+    OrderedJson body{{"action", "evaluate"}, {"run", "lab.run"}, {"file", name + ".safetensors"}};
+    if (scenes) body["scenes"] = scenes;
+    return Post(body);
+  };
+  const auto refused = ask("panda");
+  EXPECT_EQ(refused.status, 400);
+  EXPECT_THAT(refused.body, HasAll({"robot panda", "franka_transfer"}));
+  EXPECT_EQ(ask("panda", "obstacle").status, 400);
+  EXPECT_EQ(ask("panda", "franka_transfer").status, 200);
+  EXPECT_THAT(ask("narrow").body, HasSubstr("45.0 degrees"));
+  EXPECT_EQ(ask("narrow", "real_world_stand_in").status, 200);
+  EXPECT_EQ(ask("anything").status, 200) << "an older one does not say";
+}
+
+// before, they were taken for what is the default, and something else was done than was asked for
+TEST_F(ActionsTest, NumbersOfAWrongKindAreRefusedByName) {
+  for (const OrderedJson& wrong : {OrderedJson(-1), OrderedJson("7"), OrderedJson(1.5), OrderedJson(nullptr)}) {
+    const auto episodes =
+        Post({{"action", "evaluate"}, {"run", "lab.run"}, {"file", "00000200.safetensors"}, {"episodes", wrong}});
+    EXPECT_EQ(episodes.status, 400) << wrong.dump();
+    EXPECT_THAT(episodes.body, HasSubstr("episodes: a whole number"));
+    const auto attempt = Post({{"action", "replay"}, {"dataset", "lab.data"}, {"index", 2}, {"attempt", wrong}});
+    EXPECT_EQ(attempt.status, 400) << wrong.dump();
+    EXPECT_THAT(attempt.body, HasSubstr("attempt: a whole number"));
+  }
+}
+
 // the report there is of the run that was removed: the command would refuse to go on with it, for ever
 TEST_F(ActionsTest, AnEvaluationOfARunMadeAnewLiesBesideThatOfTheOneBefore) {
   const auto identity = OpenIdentity(lab_.root() / "run");

@@ -245,6 +245,7 @@ TEST_F(ContractTest, CheckpointsAreHeadersAndFiles) {
   EXPECT_EQ(json["checkpoints"][0]["channels"], OrderedJson({"latest"}));
   EXPECT_EQ(json["checkpoints"][0]["sha256"].get<std::string>().size(), 64u);
   EXPECT_EQ(json["checkpoints"][0]["parameters"]["LANG"], 6);
+  EXPECT_EQ(json["checkpoints"][0]["modules"]["LANG"]["quantity"], "class") << "the unit of its error";
   const auto file = Get(kPrefix + "/runs/lab.run/checkpoints/00000200.safetensors");
   ASSERT_TRUE(file.file);
   EXPECT_EQ(file.file->size, json["checkpoints"][0]["bytes"]);
@@ -418,6 +419,9 @@ TEST_F(ContractTest, MetricsAreWhatPrometheusReads) {
   EXPECT_NE(text.find("etude_plan_seconds_bucket{campaign=\"lab.data\",le=\"+Inf\"} 1\n"), std::string::npos);
   EXPECT_NE(text.find("etude_checkpoint_step{run=\"lab.run\",channel=\"latest\"} 200\n"), std::string::npos);
   EXPECT_EQ(Get("/healthz").body, "ok\n");
+  http::Request probe;
+  probe.path = {"healthz"};
+  EXPECT_EQ(service_.LaneOf(probe), http::Lane::kAtOnce) << "behind no folder that is read";
   EXPECT_EQ(Get("/readyz").status, 200);
 }
 

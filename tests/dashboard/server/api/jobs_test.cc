@@ -129,7 +129,9 @@ TEST(Jobs, AskedTwiceToStopIsToldTwice) {
     for (jobs.Pump(); jobs.Json(*id).value()["log"].dump().find(said) == std::string::npos;) jobs.Pump();
   };
   pump_until("ready");
+  EXPECT_EQ(jobs.Json(*id).value()["stopping"], false);
   ASSERT_THAT(jobs.Stop(*id), IsOk());
+  EXPECT_EQ(jobs.Json(*id).value()["stopping"], true);
   pump_until("draining");
   EXPECT_EQ(jobs.Json(*id).value()["state"], "running");
   ASSERT_THAT(jobs.Stop(*id), IsOk());

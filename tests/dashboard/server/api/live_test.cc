@@ -240,6 +240,54 @@ TEST_F(LiveApiTest, OfWhatIsOnTheBusAloneFiguresAreServedAndFilesAreSaidToBeElse
   EXPECT_THAT(Get(kPrefix + "/runs/nowhere@5555666677778888").body, testing::Not(HasSubstr("on the bus")));
 }
 
+// Before, a page that was opened while nothing but the bus knew of it said for ever that its files are elsewhere.
+TEST_F(LiveApiTest, AFolderThatHasComeAnswersForItsNameOnTheBus) {
+  bus::Presence campaign, run;
+  campaign.id = sources_.Dataset("lab.data").value()->View().value()->info.identity, campaign.name = "lab";
+  run.kind = bus::PresenceKind::kRun, run.name = "base";
+  run.id = sources_.Run("lab.run").value()->View().value()->identity;
+  model_.Directory({campaign, run}, MonotonicClock::now());
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+
+  const std::string of_campaign = BusId(campaign);
+  const auto answer = GetJson(kPrefix + "/campaigns/" + of_campaign);
+  EXPECT_EQ(answer["id"], of_campaign) << "the page goes on with it";
+  EXPECT_EQ(answer["dataset"], "lab.data");
+  EXPECT_EQ(answer["status"]["workers"], 1) << "what is heard of it, too";
+  EXPECT_EQ(GetArrays(kPrefix + "/campaigns/" + of_campaign + "/cells").tensors.at("cells").data.size(), 20u);
+  EXPECT_EQ(GetJson(kPrefix + "/campaigns/" + of_campaign + "/attempts")["total"], kEpisodes + 2);
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/" + of_campaign)["id"], "lab.data");
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/" + of_campaign + "/episodes/1")["index"], 1);
+  const auto attempts = LatestAttempts(context_, of_campaign);
+  ASSERT_THAT(attempts, IsOk());
+  EXPECT_EQ((*attempts)["campaign"], of_campaign);
+  EXPECT_EQ((*attempts)["total"], kEpisodes + 2);
+
+  const std::string of_run = BusId(run);
+  const auto json = GetJson(kPrefix + "/runs/" + of_run);
+  EXPECT_THAT(Problems("Run", json), IsEmpty());
+  EXPECT_EQ(json["id"], of_run);
+  EXPECT_EQ(json["folder"], "lab/run");
+  EXPECT_EQ(GetJson(kPrefix + "/runs/" + of_run + "/checkpoints")["checkpoints"].size(), 1u);
+  EXPECT_FALSE(GetArrays(kPrefix + "/runs/" + of_run + "/series?keys=train/loss").tensors.empty());
+  const auto news = TrainNews(context_, of_run, 0);
+  ASSERT_THAT(news, IsOk());
+  EXPECT_EQ((*news)["run"], of_run);
+  EXPECT_FALSE((*news)["lines"].empty());
+
+  EXPECT_EQ(Get(kPrefix + "/datasets/lab@").status, 404) << "no id is no folder's";
+  EXPECT_EQ(Get(kPrefix + "/datasets/" + of_run).status, 404) << "another kind's";
+}
+
+TEST_F(LiveApiTest, ACampaignThatIsPausedSaysSo) {
+  const auto campaign = GetJson(kPrefix + "/campaigns/lab.data");
+  EXPECT_THAT(Problems("Campaign", campaign), IsEmpty());
+  EXPECT_EQ(campaign["state"], "running");
+  EXPECT_EQ(campaign["status"]["control"], "paused");
+  live_ = std::make_shared<const live::LiveView>();
+  EXPECT_EQ(GetJson(kPrefix + "/campaigns/lab.data")["status"]["control"], "") << "nobody says so any more";
+}
+
 TEST_F(LiveApiTest, MetricsHavePoliciesProcessesAndTheBus) {
   const auto text = Get("/metrics").body;
   EXPECT_THAT(text, HasSubstr("etude_bus_bytes_total{host=\"lab-7\",topic=\"etude/campaign/worker\"} 900\n"));
@@ -366,6 +414,8 @@ TEST_F(LiveApiTest, AnInsightIsOfTheRecordedPictureAndItsWhatIf) {
   body.erase("what_if");
   body["source"]["picture"] = 9999;
   EXPECT_EQ(Post("/insight", body).status, 404);
+  body["source"]["picture"] = -1;
+  EXPECT_EQ(Post("/insight", body).status, 400) << "before, it was of the first one";
 }
 
 TEST_F(LiveApiTest, ActionsOnWhatIsLiveAreTheCommandsOfAUser) {

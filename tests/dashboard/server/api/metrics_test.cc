@@ -14,6 +14,7 @@
 #include <set>
 #include <sstream>
 
+#include "dashboard/server/api/counters.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
 
@@ -145,6 +146,34 @@ TEST_F(MetricsTest, HostsHaveSlots) {
                                  {{"etude_slots_busy", "lab-7"}, "1"},
                                  {{"etude_slots_busy", "lab-8"}, "1"}};
   EXPECT_EQ(found, expected);
+}
+
+// before, every server, run and host that there ever was had its series until the gateway ended
+TEST(Counters, ASeriesEndsWhenNobodyCountedForTenMinutes) {
+  Counters counters;
+  const auto start = MonotonicClock::now();
+  const Counters::Key away{"run@1", "lab-7"}, stays{"run@2", "lab-7"};
+  counters.Saw("answers", away, "a", 30, start);
+  for (int minute = 0; minute <= 11; ++minute) {
+    counters.Saw("answers", stays, "b", 10 * minute, start + std::chrono::minutes(minute));
+    counters.Forget(start + std::chrono::minutes(minute));
+    EXPECT_EQ(counters.Sums("answers").contains(away), minute <= 10) << minute;
+  }
+  EXPECT_EQ(counters.Sums("answers").at(stays), 110);
+  counters.Saw("answers", away, "a", 31, start + std::chrono::minutes(12));
+  EXPECT_EQ(counters.Sums("answers").at(away), 31) << "it begins anew";
+}
+
+// before, all were forgotten, and what each had counted was added once more
+TEST(Counters, OneProcessTooManyTakesNothingOfTheOthers) {
+  Counters counters;
+  const auto now = MonotonicClock::now();
+  const Counters::Key key{"run@1", "lab-7"};
+  for (std::size_t process = 0; process < Counters::kMost; ++process)
+    counters.Saw("answers", key, std::to_string(process), 1, now);
+  counters.Saw("answers", key, "one too many", 1, now);
+  counters.Saw("answers", key, "0", 2, now);
+  EXPECT_EQ(counters.Sums("answers").at(key), Counters::kMost + 1);
 }
 
 // before, rollouts counted towards the bound, and forty evaluations hid every demonstration

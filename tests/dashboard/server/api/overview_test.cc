@@ -226,6 +226,32 @@ TEST_F(OverviewTest, WarnsOfDisksThatAreNearlyFullAndOfServersThatRefuse) {
   EXPECT_EQ(warnings["policy_refuses"], "policy on rack refused: crop does not fit");
 }
 
+// before, one observation that was refused was warned of until its server ended
+TEST_F(OverviewTest, ARefusalIsWarnedOfForTenMinutes) {
+  const auto now = MonotonicClock::now();
+  bus::PolicyStatus server;
+  server.server = "s", server.run = "demo", server.run_id = "cccc0003", server.host = "rack";
+  server.last_refusal = "crop does not fit", server.refused = 1;
+  for (auto then = now - 11min; then < now; then += 5s) model_.On(server, then);
+  EXPECT_FALSE(Warnings().contains("policy_refuses"));
+  server.refused = 2;
+  model_.On(server, now);
+  EXPECT_EQ(Warnings()["policy_refuses"], "policy on rack refused: crop does not fit") << "it does so again";
+}
+
+// before, a stage that ended by its budget was warned of for ever, though its run was resumed and reached the goal
+TEST_F(OverviewTest, TheLastWordOnAStageCounts) {
+  WriteExampleRun(lab_.root() / "once");
+  const Path file = lab_.root() / "run" / "curriculum.jsonl";
+  const std::string resumed = R"({"step":120,"from":1,"to":2,"name":"TAR3D","cause":"goal","reason":"reached"})";
+  ASSERT_THAT(WriteFileAtomically(file, ReadTextFile(file).value() + resumed + "\n"), IsOk());
+  std::set<std::string> warned;
+  const auto home = Home();
+  for (const auto& warning : home["warnings"])
+    if (warning["code"] == "stage_budget") warned.insert(warning["text"]);
+  EXPECT_THAT(warned, ElementsAre("once: stage 1 ended by its budget, not by its goal"));
+}
+
 // before, they led to whichever campaign came first
 TEST_F(OverviewTest, WarningsAndEventsOfACampaignLeadToIt) {
   const auto now = MonotonicClock::now();
@@ -332,6 +358,61 @@ TEST_F(OverviewTest, ACampaignThatWasStoppedIsNotSilent) {
   status.committed = 20;
   model_.On(id, status, MonotonicClock::now());
   EXPECT_EQ(state(), "finished");
+}
+
+class EvaluationState : public OverviewTest {
+ protected:
+  // One rollout of four is missing, and nothing was written for an hour; or was by a clock that is as much ahead.
+  void Write(const std::string& name, std::chrono::hours ago, int failed_attempts = 0) {
+    const Path folder = lab_.root() / name;
+    auto report = OrderedJson::parse(ReadTextFile(folder / "eval.json").value());
+    report["per_episode"].erase(std::size_t{3});
+    ASSERT_THAT(WriteFileAtomically(folder / "eval.json", report.dump()), IsOk());
+    std::string attempts;
+    for (int i = 0; i < failed_attempts; ++i)
+      attempts += fmt::format("{{\"index\":3,\"attempt\":{},\"outcome\":\"plan_failed\"}}\n", i);
+    ASSERT_THAT(WriteFileAtomically(folder / "rollouts" / "attempts.jsonl", attempts), IsOk());
+    const auto identity = OpenIdentity(folder / "rollouts");
+    ASSERT_THAT(identity, IsOk());
+    id_ = identity->id;
+    const auto then = std::filesystem::file_time_type::clock::now() - ago;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+      std::filesystem::last_write_time(entry.path(), then);
+  }
+  std::string Of(const std::string& name) {
+    live_ = std::make_shared<const live::LiveView>(model_.view());
+    return GetJson(kPrefix + "/evals/lab." + name)["state"];
+  }
+  std::string id_;  // of the rollouts that were written last
+};
+
+// before, one at work was silent whenever nothing was committed for half a minute
+TEST_F(EvaluationState, RunsWhileItsCollectorIsHeard) {
+  Write("eval_a", 1h);
+  EXPECT_EQ(Of("eval_a"), "silent");
+  model_.Directory({Present(bus::PresenceKind::kCampaign, "eval-0123", id_)}, MonotonicClock::now());
+  EXPECT_EQ(Of("eval_a"), "running");
+  const auto home = Home();
+  for (const auto& source : home["sources"])
+    if (source["id"] == "lab.eval_a") {
+      EXPECT_EQ(source["state"], "running");
+    }
+  model_.Directory({}, MonotonicClock::now());
+  EXPECT_EQ(Of("eval_a"), "silent");
+}
+
+// before, it waited for ever for the one that nobody makes any more
+TEST_F(EvaluationState, HasEndedWhenWhatIsMissingIsGivenUp) {
+  const int most = SyntheticSpec().max_attempts;
+  Write("eval_a", 1h, most - 1);
+  EXPECT_EQ(Of("eval_a"), "silent");
+  Write("eval_b", 1h, most);
+  EXPECT_EQ(Of("eval_b"), "finished");
+}
+
+TEST_F(EvaluationState, AClockThatIsAheadMakesNothingRun) {
+  Write("eval_a", -1h);
+  EXPECT_EQ(Of("eval_a"), "silent");
 }
 
 // Until it writes a line its files speak of the time before.

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests dashboard/server/api/play.cc with a session and a policy server on the bus: what the policy sees in it, and
 // which words its training never said.
+#include "dashboard/server/api/play.h"
+
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <functional>
@@ -13,6 +16,8 @@
 #include "services/bus/topic.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/dashboard/server/api/json_schema.h"
+#include "tests/support/matchers.h"
+#include "tests/support/write_program.h"
 
 namespace etude::api {
 namespace play_test {
@@ -162,9 +167,40 @@ TEST_F(PlayApiTest, ASessionThatDoesNotAnswerKeepsNobodyElsesCommands) {
   }));
   EXPECT_THAT(answered.get(), IsOk());
   EXPECT_EQ(silent.wait_for(0s), std::future_status::timeout);
+  // before, it waited behind the first one, and then as long itself: longer than a request may take
+  auto behind = stop("one");
+  ASSERT_TRUE(both([&] { return behind.wait_for(0s) == std::future_status::ready; }));
+  EXPECT_THAT(behind.get(), MessageHas("has not answered the command before this one yet"));
   state_.command_id = asked;
   ASSERT_TRUE(both([&] { return silent.wait_for(0s) == std::future_status::ready; }));
   EXPECT_THAT(silent.get(), IsOk());
+}
+
+TEST_F(PlayApiTest, AnIndexOfAWrongKindIsRefusedByName) {
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  for (const char* index : {"-1", "\"3\"", "0.5"}) {
+    request.body = fmt::format(R"({{"spec": "quickstart", "run": "example", "index": {}, "dry_run": true}})", index);
+    const auto answer = Ask(request, kPrefix + "/play/sessions");
+    EXPECT_EQ(answer.status, 400) << index;
+    EXPECT_THAT(answer.body, testing::HasSubstr("index: a whole number")) << "before, it was 0";
+  }
+}
+
+// before, whatever had ended the worker, it was the request that was wrong
+TEST(RenderScene, SaysWhetherTheRequestTheMachineOrTheWorkerIsWrong) {
+  const TemporaryFolder folder;
+  const auto ends = [&](const char* how) {
+    const Path worker = WriteProgram(folder / "etude-worker", fmt::format("#!/bin/sh\necho in its words\n{}\n", how));
+    return RenderScene(worker, {.spec = "a.yaml"}, folder / "scene.png");
+  };
+  EXPECT_THAT(ends("exit 0"), IsOk());
+  EXPECT_THAT(ends("exit 2"), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(ends("exit 3"), HasCode(Code::kUnavailable));
+  EXPECT_THAT(ends("exit 1"), HasCode(Code::kInternal));
+  EXPECT_THAT(ends("kill -KILL $$"), HasCode(Code::kInternal));
+  EXPECT_THAT(ends("exit 3"), MessageHas("in its words"));
 }
 
 }  // namespace play_test

@@ -65,6 +65,10 @@ class ServerTest : public testing::Test {
       ++counted_;
       return Answer{};
     });
+    router.Add("GET", "/alive", Lane::kAtOnce,
+               [](const Request&) -> Result<Answer> { return BytesAnswer("ok", "text/plain"); });
+    router.Add("GET", "/played", Lane::kPlay,
+               [](const Request&) -> Result<Answer> { return BytesAnswer("ok", "text/plain"); });
     router.Add("POST", "/echo", Lane::kFiles,
                [](const Request& request) -> Result<Answer> { return BytesAnswer(request.body, "text/plain"); });
     service_ = std::make_unique<Service>(std::move(router), Security({}),
@@ -186,12 +190,23 @@ TEST_F(ImpatientServerTest, AnAnswerThatTakesTooLongIsGivenUp) {
 }
 
 TEST_F(ServerTest, WorkThatThrowsDoesNotEndTheServer) {
-  for (const Lane lane : {Lane::kFiles, Lane::kEpisodes, Lane::kBus}) {
+  for (const Lane lane : {Lane::kFiles, Lane::kEpisodes, Lane::kBus, Lane::kPlay, Lane::kAtOnce}) {
     server_->InLane(lane, [] { throw std::runtime_error("a bug"); });
     std::promise<void> after;
     server_->InLane(lane, [&] { after.set_value(); });
     EXPECT_EQ(after.get_future().wait_for(std::chrono::seconds(10)), std::future_status::ready);
   }
+}
+
+// before, a Stop waited behind pictures that were rendered, and a probe behind folders that were read
+TEST_F(ServerTest, CommandsAndProbesWaitBehindNobodyElse) {
+  std::promise<void> done;
+  const std::shared_future<void> until = done.get_future().share();
+  for (const Lane lane : {Lane::kFiles, Lane::kEpisodes, Lane::kBus})
+    for (int thread = 0; thread < 2; ++thread) server_->InLane(lane, [until] { until.wait(); });
+  EXPECT_EQ(Get("/played").result_int(), 200u);
+  EXPECT_EQ(Get("/alive").result_int(), 200u);
+  done.set_value();
 }
 
 TEST_F(ServerTest, HostsOfOtherNamesAreRefused) {

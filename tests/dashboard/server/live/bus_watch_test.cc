@@ -5,10 +5,17 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <thread>
 
+#include "dashboard/server/live/sample_tap.h"
+#include "services/bus/access.h"
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
+#include "services/core/log.h"
+#include "services/core/thread_annotations.h"
+#include "services/security/authority.h"
+#include "tests/services/bus/two_processes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -244,6 +251,25 @@ bool Eventually(Condition&& condition) {
   return false;
 }
 
+// What is warned of while it lives.
+class Warned {
+ public:
+  Warned() { InitLog("test", "info"); }
+  std::size_t Count(const std::string& words) const {
+    const MutexLock lock(mutex_);
+    const auto has = [&](const std::string& text) { return text.find(words) != std::string::npos; };
+    return static_cast<std::size_t>(std::ranges::count_if(texts_, has));
+  }
+
+ private:
+  mutable Mutex mutex_;
+  std::vector<std::string> texts_ ETUDE_GUARDED_BY(mutex_);
+  const LogListener listener_{[this](const LogRecord& record) {
+    const MutexLock lock(mutex_);
+    texts_.push_back(record.text);
+  }};
+};
+
 TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   constexpr std::uint32_t kDomain = 60;
   auto participant = bus::Participant::Open({kDomain, ""});
@@ -278,6 +304,52 @@ TEST(BusWatch, JoinsTheBusWhereItCannotAtFirst) {
   EXPECT_TRUE(watch.View()->enabled);
   ASSERT_THAT(WriteFileAtomically(profile, std::string_view("<CycloneDDS/>")), IsOk());
   EXPECT_TRUE(Eventually([&] { return watch.View()->error.empty(); }));
+}
+
+// before, readers of a run were made for it and ended again every second
+TEST(BusWatch, OfARelayNothingIsRead) {
+  Warned warned;
+  const auto participant = bus::Participant::Open({60, ""});
+  ASSERT_THAT(participant, IsOk());
+  auto presences = bus::Writer<bus::Presence>::Open(*participant, bus::kDirectoryPartition);
+  ASSERT_THAT(presences, IsOk());
+  // where the name is no partition's, no reader can be made, and that is warned of
+  for (const auto kind : {bus::PresenceKind::kRelay, bus::PresenceKind::kRun}) {
+    bus::Presence presence;
+    presence.kind = kind;
+    presence.id = presence.instance = kind == bus::PresenceKind::kRelay ? "aaaa000000000001" : "bbbb000000000002";
+    presence.name = "no partition";
+    ASSERT_THAT(presences->Write(presence), IsOk());
+  }
+  BusWatch watch({60, "", "text"});
+  ASSERT_TRUE(Eventually([&] { return warned.Count("run no partition@") >= 2; }));
+  EXPECT_EQ(warned.Count("relay no partition@"), 0u);
+}
+
+// before, who looked at it waited for ever, and each round of its reader was warned of
+TEST(SampleTap, ATopicThatItsIdentityMayNotReadIsAnErrorThatIsSaidOnce) {
+  Warned warned;
+  const TemporaryFolder authority;
+  ASSERT_THAT(security::InitAuthority(authority.path(), security::Protection::kEncrypt), IsOk());
+  const std::vector roles{security::Role::kGateway};
+  const auto now = static_cast<std::int64_t>(WallSeconds());
+  const auto identity = security::Issue(authority.path(), {.name = "gateway",
+                                                           .roles = roles,
+                                                           .grants = bus::GrantsFor(roles, "gateway", {}, {}),
+                                                           .not_before = now - 60,
+                                                           .not_after = now + 86'400});
+  ASSERT_THAT(identity, IsOk());
+  const auto participant = bus::Participant::Open(
+      {150, bus::LocalProfileWith("<ExternalDomainId>104</ExternalDomainId>"), identity->string()});
+  ASSERT_THAT(participant, IsOk());
+  const auto writer = bus::Writer<bus::CampaignControl>::Open(*participant, "lab/1");  // collectors read it alone
+  ASSERT_THAT(writer, IsOk());
+  const std::string topic = "etude/campaign/control";
+  SampleTap tap(*participant);
+  ASSERT_TRUE(Eventually([&] { return !tap.Read({topic}).at(topic).has_value(); }));
+  for (int round = 0; round < 40; ++round)
+    EXPECT_THAT(tap.Read({topic}).at(topic), MessageHas("Not Allowed By Security"));
+  EXPECT_EQ(warned.Count("topic=" + topic), 1u);
 }
 
 }  // namespace bus_watch_test

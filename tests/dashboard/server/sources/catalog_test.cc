@@ -64,6 +64,37 @@ TEST(Catalog, FoldersOfOneNameAreToldApartByTheirOrder) {
             std::filesystem::canonical(two.root()) / "run");
 }
 
+// before, an id was numbered by the order of the folders, and was another's when one came before it
+TEST(Catalog, AnIdIsOfNoOtherFolderWhenOneComes) {
+  ExampleFolders lab;
+  const auto ids = [&] {
+    Catalog catalog({lab.root()});
+    std::map<std::string, std::string> by_shown;
+    for (const auto& item : *catalog.List()) by_shown[item.shown] = item.id;
+    return by_shown;
+  };
+  WriteExampleEval(lab.root() / "my+data", 0);
+  const auto alone = ids();
+  EXPECT_THAT(alone.at("lab/my+data"), testing::MatchesRegex("lab\\.my_data-[0-9a-f]{8}"));
+  for (const char* name : {"my data", "my_data"}) WriteExampleEval(lab.root() / name, 0);
+  const auto beside = ids();
+  EXPECT_EQ(beside.at("lab/my+data"), alone.at("lab/my+data"));
+  EXPECT_EQ(beside.at("lab/my_data"), "lab.my_data") << "nothing of it had to go";
+  EXPECT_NE(beside.at("lab/my data"), beside.at("lab/my+data"));
+  Catalog catalog({lab.root()});
+  const auto rollouts = catalog.Find(Kind::kDataset, beside.at("lab/my data/rollouts"));
+  ASSERT_THAT(rollouts, IsOk());
+  EXPECT_EQ(rollouts->eval, beside.at("lab/my data"));
+
+  WriteExampleEval(lab.root() / "a" / "b", 0);
+  EXPECT_EQ(ids().at("lab/a/b"), "lab.a.b");
+  WriteExampleEval(lab.root() / "a.b", 0);
+  const auto both = ids();
+  for (const char* shown : {"lab/a/b", "lab/a.b"})
+    EXPECT_THAT(both.at(shown), testing::MatchesRegex("lab\\.a\\.b-[0-9a-f]{8}")) << shown;
+  EXPECT_NE(both.at("lab/a/b"), both.at("lab/a.b"));
+}
+
 TEST(Catalog, WhatChangedLastComesFirstAndTheRestIsCounted) {
   ExampleFolders lab;
   const auto now = std::filesystem::file_time_type::clock::now();
