@@ -66,6 +66,12 @@ test('a walk through decisions skips those of which nothing was kept', async () 
   assert.equal(decisionBeside(all, 1, -1), 1);
 });
 
+test('what a module is off stands in the unit of what it decodes', async () => {
+  const { meanError } = await load('says.ts');
+  const said = [['class', 0.25], ['task', 0.02], ['pixel', 1.5], ['position', 0.02], ['trajectory', 0.013], [null, 0.02], ['class', null]];
+  assert.deepEqual(said.map(([quantity, error]) => meanError({ quantity, error })), ['25 % wrong', '2 % wrong', '1.5 px', '2 cm', '1.3 cm', '0.02', '–']);
+});
+
 test("a play session's policy is shown as one that was asked, without a truth to hold it against", async () => {
   const { insightOf, isOf } = await load('session.ts');
   const { plan } = await load('says.ts');

@@ -20,11 +20,14 @@ const log = join(data, 'noted.log');
 let gateway;
 let browser;
 let pages;
+// what the page Checkpoints shows without being told which: the newest when it was opened
+let looked;
 
 before(async () => {
   // links stay what they are, and times: a channel names a file beside it, and what has ended has not just changed
   cpSync(resolve(process.env.ETUDE_LAB ?? '.'), lab, { recursive: true, verbatimSymlinks: true, preserveTimestamps: true });
   note();
+  looked = checkpoints(run)[0].name;
   gateway = await startGateway([lab], 0, onDomain);
   browser = await launch();
   const { sources } = await (await fetch(`${gateway.address}/api/v1/home`)).json();
@@ -108,12 +111,13 @@ function inTheFiles() {
   const report = readJson(join(evaluation, 'eval.json'));
   const made = new Map();
   for (const { worker } of readLines(join(data, 'commits.jsonl'))) if (worker) made.set(worker, (made.get(worker) ?? 0) + 1);
+  for (const { details } of readLines(join(data, 'attempts.jsonl'))) if (details?.worker && !made.has(details.worker)) made.set(details.worker, 0);
   return {
     overview: [committed, step, Number(checkpointHeader(run).step)],
     fleet: [...made].sort(),
     generation: [committed + failed, committed, failed, failed],
     training: [step, loss.n, loss.min, loss.max, loss.last],
-    checkpoints: [...saved.map((one) => one.name), saved[0].sha256],
+    checkpoints: [...saved.map((one) => one.name), saved.find((one) => one.name === looked).sha256],
     evaluation: [report.overall.success.successes, report.per_episode.length],
     logs: [readLogLines().at(-1)],
   };

@@ -6,7 +6,7 @@ import { mkdtempSync, rmSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { axe, launch, openPage } from './browser.mjs';
+import { axe, launch, openPage, overflow } from './browser.mjs';
 import { startGateway } from './gateway.mjs';
 
 const work = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
@@ -33,15 +33,18 @@ async function homeOf(sources, more = {}) {
 }
 
 /**
- * Opens `address`; `answers` by path of the API give a body, { status, json }, or a function of the request's URL that
- * gives either. What they do not name the gateway answers. `push(ch, data, args)` says something on a live channel to
- * whoever subscribed with these arguments; without any, to everybody who has subscribed to it.
+ * Opens `address`; `answers` by path of the API give a body, { status, json }, or a function of the request's URL, and of
+ * the request, that gives either, or will. What they do not name the gateway answers. `push(ch, data, args)` says something
+ * on a live channel to whoever subscribed with these arguments; without any, to everybody who has subscribed to it.
+ * `drop()` ends the connection, which the page finds again.
  */
 async function open(address, answers, look, { allow = /^$/ } = {}) {
   const { page, context, wrong } = await openPage(browser, gateway.address);
   page.setDefaultTimeout(8000);
   const subscribed = new Map();
+  const sockets = new Set();
   await page.routeWebSocket(/\/api\/v1\/live/, (socket) => {
+    sockets.add(socket);
     socket.onMessage((text) => {
       const { op, ch, id } = JSON.parse(text);
       if (op === 'sub') subscribed.set(id, { socket, ch });
@@ -51,7 +54,7 @@ async function open(address, answers, look, { allow = /^$/ } = {}) {
   await page.route('**/api/v1/**', async (route) => {
     const url = new URL(route.request().url());
     let answer = answers[url.pathname.slice('/api/v1'.length)];
-    if (typeof answer === 'function') answer = answer(url);
+    if (typeof answer === 'function') answer = await answer(url, route.request());
     if (answer === undefined) return route.continue();
     return Buffer.isBuffer(answer) ? route.fulfill({ body: answer, contentType: 'application/octet-stream' })
       : typeof answer.status === 'number' ? route.fulfill(answer) : route.fulfill({ json: answer });
@@ -64,15 +67,32 @@ async function open(address, answers, look, { allow = /^$/ } = {}) {
     }
     for (const [id, { socket }] of heard()) socket.send(JSON.stringify({ ch, id, seq: 1, t: '', data }));
   };
+  const drop = async () => {
+    const all = [...sockets];
+    sockets.clear();
+    subscribed.clear();
+    for (const socket of all) await socket.close();
+  };
   try {
     await page.goto(gateway.address + address);
     await page.waitForSelector('main h1', { state: 'attached' });
-    await look(page, push);
+    await look(page, push, drop);
     assert.deepEqual(wrong.filter((one) => !allow.test(one)), []);
   } finally {
     await context.close();
   }
 }
+
+/** Asks until the answer is true. */
+async function until(what, ask, limit = 12000) {
+  for (const end = Date.now() + limit; !(await ask());) {
+    assert.ok(Date.now() < end, `waited ${limit / 1000} s for ${what}`);
+    await new Promise((done) => setTimeout(done, 20));
+  }
+}
+
+/** What the page has heard by now it has drawn. */
+const drawn = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 
 const host = (name) => ({ host: name, slots: 0, busy: 0, per_min: 1, ok: 1, episodes: 1, failures: 0, plan_p50_s: null, plan_p95_s: null, rss_mb: null, cpu: null, version: '1', fingerprint: null, age_ms: 0, workers: [], processes: [] });
 const fleetOf = (names, more = {}) => ({ live: true, total: names.length, workers: 1, per_min: 1, ok: 1, hosts: names.map(host), ...more });
@@ -200,12 +220,16 @@ test('what is on the bus alone says so, on every page that would read its files'
   });
 });
 
+const attemptOf = (index, more = {}) => ({ index, attempt: 0, seed: '7', t: '2026-01-01T10:00:00Z', worker: 'w', outcome: 'plan_failed', reason: 'reach: no path', task: 'pick', target: 'cube', robot: 'ur5', stage: 'reach', pair: null,
+  plan_s: 1, step_s: 1, render_s: 1, deflate_s: 0, has_pictures: false, replay: null, ...more });
+const attemptsOf = (campaign, ...rows) => ({ campaign, total: rows.length, next: null, rows });
+
 test('a campaign that is picked shows nothing of the one before', async () => {
   const failures_by = [['pick', 3], ['', 2]].map(([task, count]) => ({ reason: 'plan_failed', stage: null, task, robot: '', count }));
   const of = (id, attempts) => ({ id, name: id, state: 'running', dataset: id, spec: null, spec_sha256: null, failures: {}, failures_by, timing: null, tasks: ['pick'], robots: [],
     status: { attempts, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } });
   const answers = { '/home': await homeOf([source('dataset', 'a'), source('dataset', 'b')]), '/campaigns/a': of('a', 4), '/campaigns/b': of('b', 50) };
-  for (const id of ['a', 'b']) Object.assign(answers, { [`/campaigns/${id}/attempts`]: { total: 0, next: null, rows: [] }, [`/campaigns/${id}/cells`]: tensors({}) });
+  for (const id of ['a', 'b']) Object.assign(answers, { [`/campaigns/${id}/attempts`]: attemptsOf(id, attemptOf(3)), [`/campaigns/${id}/cells`]: tensors({}) });
   await open('/generation?dataset=a', answers, async (page, push) => {
     await push('attempts', { status: { ...of('a', 4).status, attempts: 7 }, total: 0, rows: [] });
     await page.waitForSelector('.pill:has-text("3 new")');
@@ -220,6 +244,60 @@ test('a campaign that is picked shows nothing of the one before', async () => {
     await push('attempts', { campaign: 'b', status: { ...of('b', 50).status, attempts: 51 }, total: 0, rows: [] }, { campaign: 'b' });
     await page.waitForSelector('[data-attempts-summary]:has-text("51 attempts")');
     assert.deepEqual(await page.locator('[data-matrix] tbody td.num').allInnerTexts(), ['3', '5'], 'those without a task are in the sum');
+  });
+});
+
+/** A campaign "a" with its files, and all that is asked of it. */
+async function answersOfCampaign(status, rows) {
+  const of = { id: 'a', name: 'a', state: 'running', dataset: 'a', spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts: 4, committed: 3, total: 10, given_up: 0, workers: 1, live: true, per_min: 5, eta_s: null, error: '', control: '', age_ms: 0, ...status } };
+  return { '/home': await homeOf([source('dataset', 'a')]), '/campaigns/a': of, '/campaigns/a/attempts': () => attemptsOf('a', ...rows()), '/campaigns/a/cells': tensors({}) };
+}
+
+test('Generation: a campaign that is held up says so, and offers what makes sense then', async () => {
+  const answers = await answersOfCampaign({ control: 'paused' }, () => [attemptOf(3)]);
+  const { status } = answers['/campaigns/a'];
+  await open('/generation?dataset=a', answers, async (page, push) => {
+    const enabled = () => page.locator('button[data-action]').evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.dataset.action));
+    const chip = page.locator('.page-head .chip');
+    await page.waitForSelector('.page-head .chip:has-text("paused")');
+    assert.equal(await chip.count(), 1, 'and not that it runs');
+    assert.deepEqual(await enabled(), ['drain', 'resume', 'stop']);
+    const offered = { draining: ['resume', 'stop'], stopping: [], '': ['pause', 'drain', 'stop'] };
+    for (const [control, actions] of Object.entries(offered)) {
+      await push('attempts', { campaign: 'a', status: { ...status, control }, total: 4, rows: [] });
+      await page.waitForSelector(`.page-head .chip:has-text("${control || 'running'}")`);
+      assert.deepEqual(await enabled(), actions, control);
+    }
+  });
+});
+
+test('Generation: a listing without a row follows what comes, and says when filters leave none', async () => {
+  let rows = [];
+  const answers = await answersOfCampaign({}, () => rows);
+  const { status } = answers['/campaigns/a'];
+  await open('/generation?dataset=a&task=pick', answers, async (page, push) => {
+    await page.waitForSelector('.empty:has-text("No attempt fits these filters")');
+    rows = [attemptOf(3)];
+    await push('attempts', { campaign: 'a', status: { ...status, attempts: 5 }, total: 5, rows: [] });
+    await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="3.0"]');
+    assert.equal(await page.locator('.pill').count(), 0);
+    // who reads a listing finds it as it was
+    rows = [attemptOf(4), attemptOf(3)];
+    await push('attempts', { campaign: 'a', status: { ...status, attempts: 6 }, total: 6, rows: [] });
+    await page.locator('.pill:has-text("1 new")').click();
+    await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="4.0"]');
+  });
+});
+
+test('Generation: an error without a space is read on the narrowest page', async () => {
+  const answers = await answersOfCampaign({ error: `write '/${'long'.repeat(120)}': No space left on device` }, () => []);
+  await open('/generation?dataset=a', answers, async (page) => {
+    await page.setViewportSize({ width: 360, height: 800 });
+    await page.waitForSelector('[data-campaign-error]:has-text("No space left")');
+    await drawn(page);
+    assert.deepEqual(await overflow(page), []);
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= document.documentElement.clientWidth));
   });
 });
 
@@ -355,6 +433,26 @@ test('Fleet lists what the gateway runs, and asks whoever ends it for the token'
   }, { allow: /401 \(Unauthorized/ });
 });
 
+test('Fleet: a second click ends a job at once, and is none by accident', async () => {
+  const job = { id: '7', action: 'eval', command: 'etude eval --out eval', state: 'running', stopping: false, started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: [] };
+  let asked = 0;
+  const answers = { '/fleet': fleetOf(['lab-a']), '/jobs': () => ({ jobs: [job] }), '/jobs/7': () => { asked++; job.stopping = true; return { stopped: true }; } };
+  await open('/fleet', answers, async (page) => {
+    const stop = page.locator('[data-stop]');
+    await page.waitForSelector('[data-stop]:text-is("Stop")');
+    await stop.evaluate((one) => one.click());
+    await page.waitForSelector('[data-stop][disabled]:text-is("Stopping…")');
+    await stop.evaluate((one) => one.click());
+    await page.waitForSelector('[data-stop]:not([disabled]):text-is("Stopping… end it at once")');
+    assert.equal(asked, 1);
+    await stop.click();
+    await until('the second request', () => asked === 2);
+    // another window knows it from the job
+    await page.reload();
+    await page.waitForSelector('[data-stop]:text-is("Stopping… end it at once")');
+  });
+});
+
 test('Play: a preview that does not come says why, and a session whose job is unknown has ended', async () => {
   const sessions = { enabled: true, sessions: [], policies: ['run@0123'], campaigns: ['quickstart'] };
   const answers = {
@@ -369,6 +467,41 @@ test('Play: a preview that does not come says why, and a session whose job is un
     await page.getByRole('button', { name: 'Open', exact: true }).click();
     await page.waitForSelector('[data-ended=play-9]:has-text("does not know this job")');
   }, { allow: /(503|404) \(/ });
+});
+
+test('Play: an object that is moved by a key that repeats is asked for once, and then where it is to stand in the end', async () => {
+  const cube = { name: 'cube', x: 0.1, y: 0.2, z: 0.03, yaw: 0, half_extent: [0.03, 0.03, 0.03], hidden: false };
+  const state = (object) => ({ session: 's', host: 'h', run: 'r@1', phase: 'rest', age_ms: 0, frame: 0, sentence: '', meaning: null, step: 0, max_steps: 0, judge: {}, outcome: '', reason: '', joints: [], waypoints: [], modules: {}, checkpoint_step: 0, policy_ms: 0, speed: 1, attempts: 0, successes: 0,
+    scene: { campaign: 'c', robot: 'ur5', index: 0, seed: '1', tasks: [], objects: [object], table_half_m: 0.6, camera: { width: 4, height: 3, fovy: 1, position: [0, 0, 1], quaternion: [1, 0, 0, 0] } } });
+  const places = [];
+  const held = [];
+  const answers = {
+    '/play/sessions': { enabled: true, sessions: [state(cube)], policies: ['r@1'], campaigns: ['c'], command: '' }, '/play/sessions/s': state(cube),
+    '/play/sessions/s/commands': async (_url, request) => {
+      places.push(request.postDataJSON().arguments.objects[0]);
+      await new Promise((go) => held.push(go));
+      return { accepted: true, refusal: '' };
+    },
+  };
+  const near = (value, wanted) => Math.abs(value - wanted) < 1e-9;
+  await open('/play?session=s', answers, async (page, push) => {
+    const object = page.locator('[data-object=cube]');
+    const right = async () => -Number(/translate\(([^ ]+)/.exec(await object.getAttribute('transform'))[1]);
+    await object.focus();
+    for (let i = 0; i < 5; i++) await page.keyboard.press('ArrowRight');
+    await until('it to stand where it is wished', async () => near(await right(), 0.05));
+    await until('the first request', () => places.length > 0);
+    assert.equal(places.length, 1, 'the others wait for the answer');
+    assert.ok(near(places[0].x, 0.09), places[0].x);
+    held.shift()();
+    await until('the newest place', () => places.length === 2);
+    assert.ok(near(places[1].x, 0.05) && near(places[1].y, 0.2), JSON.stringify(places[1]));
+    answers['/play/sessions/s'] = state({ ...cube, x: 0.06 });
+    await push('play', answers['/play/sessions/s']);
+    held.shift()();
+    await until('the place that it is said to have', async () => near(await right(), 0.06));
+    assert.equal(places.length, 2);
+  });
 });
 
 test('Fleet: keys are of the table with the focus, folding is in the address, rows hold still while one is at them', async () => {
@@ -456,6 +589,28 @@ test('Training: runs that are overlaid have a shape each, and a chart zooms by k
   });
 });
 
+test('Training: lines that come faster than curves are read end no load', async () => {
+  let [told, asked, release] = [0, 0, () => {}];
+  const answers = {
+    '/home': await homeOf([source('run', 'a')]), ...answersOf('a'), '/runs/a': () => runOf('a', { keys: [{ ...loss, n: ++told }], step: 1000 * told }),
+    '/runs/a/series': async () => {
+      if (++asked === 1) await new Promise((go) => { release = go; });
+      return curve([50, 100], [1, 0.5]);
+    },
+  };
+  await open('/training?run=a', answers, async (page) => {
+    const ended = [];
+    page.on('requestfailed', (request) => ended.push(request.url()));
+    for (const step of ['1,000', '2,000']) await page.waitForSelector(`[data-run-summary] b:text-is("${step}")`);
+    await drawn(page);
+    assert.deepEqual([asked, ended], [1, []], 'it has not come yet, and is waited for');
+    release();
+    await page.locator('[data-chart=Loss] canvas').waitFor();
+    await until('what has come since', () => asked === 2);
+    assert.deepEqual(ended, []);
+  });
+});
+
 test('of runs that are compared the other pages show the first', async () => {
   const checkpoints = { run: 'a', checkpoints: [], subscribers: [], next_step: null };
   const answers = { '/home': await homeOf(['a', 'b'].map((id) => source('run', id))), ...answersOf('a'), ...answersOf('b'), '/runs/a/checkpoints': checkpoints, '/runs/a/graph': { run: 'a', nodes: [], edges: [], checkpoint: null, architecture: null } };
@@ -470,6 +625,124 @@ test('of runs that are compared the other pages show the first', async () => {
       assert.equal(await page.locator('.problem').count(), 0, path);
     }
   });
+});
+
+const share = (successes, n) => ({ successes, share: n ? successes / n : 0, low: 0.1, high: 0.9 });
+const evalOf = (id, successes, n, more = {}) => ({ id, name: id, folder: id, path: `/${id}`, state: 'finished', updated: null, age_ms: 0, campaign: 'c', run: 'r', run_id: 'r', checkpoint: { step: 200, sha256: null, file: null }, seed: '1',
+  episodes: n, done: n, per_task: [], overall: { task: 'overall', n, success: share(successes, n) }, modules: [], latency: null, scenes: null, extra: {}, dataset: null, insights: 0, spec: null, ...more });
+const rolloutOf = (index, success, more = {}) => ({ index, seed: '1', task: 'pick', target: 'cube', reference: '', robot: '', instruction: 'pick it up', success, success_latched: success, outcome: success ? 'success' : 'timeout',
+  violations: [], disturbed_objects: [], steps: 9, decisions: 3, latency_steps: 0, checkpoint_step: 200, error_cm: {}, error_before_contact_cm: {}, video: null, insight: false, ...more });
+const rolloutsOf = (...rows) => ({ total: rows.length, failed: rows.filter((one) => !one.success).length, next: null, rows });
+
+test('Evaluation: of the scene that is picked alone something is shown, and what nobody picked stays', async () => {
+  let [rows, one] = [[rolloutOf(3, false), rolloutOf(0, true)], () => rolloutsOf()];
+  const answers = { '/home': await homeOf([source('eval', 'a'), source('run', 'r')]), '/evals/a': evalOf('a', 1, 2, { episodes: 9 }), '/evals/a/rows': (url) => (url.searchParams.has('index') ? one() : rolloutsOf(...rows)) };
+  const problem = { status: 500, json: { title: 'The rows cannot be read', status: 500 } };
+  const panel = (index) => `section[aria-label="Scene ${index}"]`;
+  await open('/evaluation?eval=a&scene=7', answers, async (page) => {
+    await page.waitForSelector(`${panel(7)} [data-no-scene]`);
+    assert.equal(await page.locator('[aria-current][data-scene]').count(), 0, 'another one is not shown in its place');
+    one = () => problem;
+    await page.reload();
+    await page.waitForSelector(`${panel(7)} .problem:has-text("cannot be read")`);
+    one = () => rolloutsOf(rolloutOf(7, true));
+    await page.getByRole('button', { name: 'Try again' }).click();
+    await page.waitForSelector(`${panel(7)} :text("pick it up")`);
+  }, { allow: /500 \(Internal/ });
+  await open('/evaluation?eval=a', answers, async (page, push) => {
+    await page.waitForSelector(panel(3));
+    rows = [rolloutOf(1, false), ...rows];
+    await push('eval', evalOf('a', 1, 3, { episodes: 9 }));
+    await page.waitForSelector('[data-scene="1"]');
+    await drawn(page);
+    assert.equal(await page.locator(panel(3)).count(), 1);
+    assert.equal(await page.locator('[data-scene][aria-current]').getAttribute('data-scene'), '3');
+  });
+});
+
+test('what other evaluations say is read again when they have changed', async () => {
+  const sources = (updated) => ['a', 'b'].map((id) => source('eval', id, { updated: id === 'b' ? updated : null })).concat(source('run', 'r'));
+  const node = { name: 'CTRL', level: 1, entity: 'ee', quantity: 'trajectory', reads: ['image'], query: '', attend: [], inputs: [], from: [], between: [], relative_to: '', detach: false, parameters: 1, error: null, trained_steps: null, stage: null, trained: false, frozen: false };
+  const answers = {
+    '/home': await homeOf(sources('2026-01-01T10:00:00Z')), '/evals/a': evalOf('a', 1, 2), '/evals/a/rows': rolloutsOf(rolloutOf(0, true)), '/evals/b': evalOf('b', 1, 4), ...answersOf('r'),
+    '/runs/r/graph': { checkpoint: null, architecture: null, inputs: ['image'], nodes: [node], edges: [], columns: [['image'], ['CTRL']] },
+    '/evals/b/rows': rolloutsOf(rolloutOf(5, false, { insight: true })), '/evals/b/insights/5': { status: 500, json: { title: 'Its file is gone', status: 500 } },
+  };
+  await open('/evaluation?eval=a', answers, async (page, push) => {
+    await page.waitForSelector('[data-by-checkpoint] .dot-row:has-text("1 of 4")');
+    answers['/evals/b'] = evalOf('b', 3, 8);
+    await push('home', await homeOf(sources('2026-01-01T10:01:00Z')));
+    await page.waitForSelector('[data-by-checkpoint] .dot-row:has-text("3 of 8")');
+  });
+  const from = (page) => page.getByRole('combobox', { name: 'from', exact: true });
+  await open('/inside?run=r', answers, async (page, push) => {
+    await page.waitForSelector('[data-node=CTRL]');
+    assert.equal(await from(page).count(), 0);
+    answers['/evals/b'] = evalOf('b', 3, 8, { insights: 1 });
+    await push('home', await homeOf(sources('2026-01-01T10:02:00Z')));
+    await from(page).locator('option', { hasText: 'files of b' }).waitFor({ state: 'attached' });
+  }, { allow: /404 \(Not Found/ });
+  await open('/inside?run=r&eval=b', answers, async (page, push) => {
+    const rollout = page.getByRole('combobox', { name: 'rollout', exact: true });
+    await rollout.locator('option', { hasText: '#5' }).waitFor({ state: 'attached' });
+    answers['/evals/b'] = evalOf('b', 3, 9, { insights: 2 });
+    answers['/evals/b/rows'] = rolloutsOf(rolloutOf(6, false, { insight: true }), rolloutOf(5, false, { insight: true }));
+    await push('home', await homeOf(sources('2026-01-01T10:03:00Z')));
+    await rollout.locator('option', { hasText: '#6' }).waitFor({ state: 'attached' });
+    assert.equal(await rollout.inputValue(), '5', 'what is walked through stays');
+  }, { allow: /500 \(Internal/ });
+});
+
+test('Checkpoints: what is looked at stays, and what is not kept says so', async () => {
+  const checkpoint = (step, more = {}) => ({ file: `${String(step).padStart(8, '0')}.safetensors`, step, stage: 1, stages: 2, stage_name: 'LANG', bytes: 1000, modified: '2026-01-01T10:00:00Z', sha256: 'ab'.repeat(32), channels: [], metrics: {}, parameters: {},
+    modules: { LANG: { quantity: 'class', trained_steps: 5, error: 0.25 }, TAR2D: { quantity: 'pixel', trained_steps: 5, error: 1.5 }, TAR3D: { quantity: 'position', trained_steps: 5, error: 0.02 } },
+    dataset: null, architecture: null, robot: null, joints: null, train_episodes: null, version: null, run: null, control_trained: true, refused: null, error: null, served_by: [], ...more });
+  let rows = [checkpoint(100)];
+  const answers = { '/home': await homeOf([source('run', 'a')]), ...answersOf('a'), '/runs/a/checkpoints': () => ({ run: 'a', checkpoints: rows, next_step: null, subscribers: [] }), '/actions': { command: 'etude eval', job: null }, '/session': { enabled: false, authorized: false } };
+  const panel = 'section[aria-label="00000100.safetensors"]';
+  await open('/checkpoints?run=a', answers, async (page, _push, drop) => {
+    await page.waitForSelector(panel);
+    assert.deepEqual(await page.locator('[aria-label="Modules of this checkpoint"] tbody td:nth-child(2)').allInnerTexts(), ['25 % wrong', '1.5 px', '2 cm']);
+    await page.getByRole('button', { name: 'Evaluate' }).click();
+    await page.waitForSelector('dialog[open] .command:has-text("etude eval")');
+    // asked again as soon as the gateway is back
+    for (const steps of [[200, 100], [300, 200]]) {
+      rows = steps.map((step) => checkpoint(step));
+      await drop();
+      await page.waitForSelector(`[role=row][data-id="${rows[0].file}"]`, { state: 'attached' });
+      await drawn(page);
+      assert.equal(await page.locator(panel).count(), 1, `${steps}`);
+      assert.equal(await page.locator('dialog[open]').count(), 1, `${steps}`);
+      assert.equal(await page.locator(`${panel} .chip:has-text("no longer kept")`).count(), steps.includes(100) ? 0 : 1);
+    }
+    await page.getByRole('button', { name: 'Close' }).click();
+    assert.equal(await page.getByRole('button', { name: 'Evaluate' }).isEnabled(), false);
+  });
+  await open('/checkpoints?run=a&file=00000100.safetensors', answers, async (page) => {
+    await page.waitForSelector('[data-not-kept]:has-text("00000100.safetensors is not kept")');
+  });
+});
+
+test('Checkpoints: the scenes of an evaluation are chosen, and what does not fit is said', async () => {
+  const one = { file: '00000100.safetensors', step: 100, stage: 1, stages: 2, stage_name: 'LANG', bytes: 1000, modified: '2026-01-01T10:00:00Z', sha256: null, channels: [], metrics: {}, parameters: {}, modules: {},
+    dataset: null, architecture: null, robot: 'panda', joints: null, train_episodes: null, version: null, run: null, control_trained: true, refused: null, error: null, served_by: [] };
+  const answers = { '/home': await homeOf([source('run', 'a')]), ...answersOf('a'), '/runs/a/checkpoints': { run: 'a', checkpoints: [one], next_step: null, subscribers: [] },
+    '/play/sessions': { enabled: true, sessions: [], policies: [], campaigns: ['obstacle', 'panda'] }, '/session': { enabled: false, authorized: false },
+    '/actions': (_url, request) => {
+      const { scenes } = request.postDataJSON();
+      return scenes === 'panda' ? { command: 'etude eval --scenes panda.yaml', job: null } : { status: 400, json: { title: 'The request is wrong', status: 400, detail: `scenes: not ${scenes ?? 'those'}` } };
+    } };
+  await open('/checkpoints?run=a', answers, async (page) => {
+    await page.getByRole('button', { name: 'Evaluate' }).click();
+    await page.waitForSelector('dialog[open]:has-text("scenes: not those")');
+    const choice = page.getByRole('combobox', { name: 'Scenes', exact: true });
+    await choice.selectOption('obstacle');
+    await page.waitForSelector('dialog[open]:has-text("scenes: not obstacle")');
+    assert.equal(await page.locator('dialog[open] .command').count(), 0);
+    await choice.selectOption('panda');
+    await page.waitForSelector('dialog[open] .command:has-text("--scenes panda.yaml")');
+    assert.equal(await page.locator('dialog[open]:has-text("scenes: not")').count(), 0);
+  }, { allow: /400 \(Bad Request/ });
 });
 
 const episodeColumns = ['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'];
@@ -603,13 +876,11 @@ test('Logs: older lines that do not come leave the filters, and a way to the new
 });
 
 test('a replay is followed to its end, also where one question of it fails', async () => {
-  const row = { index: 3, attempt: 0, seed: '7', t: '2026-01-01T10:00:00Z', worker: 'w', outcome: 'plan_failed', reason: 'reach: no path', task: 'pick', target: 'cube', robot: 'ur5', stage: 'reach', pair: null,
-    plan_s: 1, step_s: 1, render_s: 1, deflate_s: 0, has_pictures: false, replay: null };
   const job = (state, log) => ({ id: 'j', action: 'replay', command: 'etude attempt replay', state, started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: [log] });
   const said = [job('running', 'step 10'), { status: 504, json: { title: 'The gateway is busy', status: 504 } }, job('running', 'step 20'), job('done', 'step 30')];
   let asked = 0;
   const answers = {
-    '/home': await homeOf([source('dataset', 'data')]), '/campaigns/data/attempts': { campaign: 'data', total: 1, next: null, rows: [row] },
+    '/home': await homeOf([source('dataset', 'data')]), '/campaigns/data/attempts': attemptsOf('data', attemptOf(3)),
     '/datasets/data/episodes/3/replay': () => (asked < said.length ? { id: 'replay.x', state: 'running', why_not: null, job: 'j', has_episode: false } : { id: null, state: 'impossible', why_not: 'it was followed', job: null, has_episode: false }),
     '/jobs/j': () => said[Math.min(asked++, said.length - 1)],
   };
@@ -619,4 +890,37 @@ test('a replay is followed to its end, also where one question of it fails', asy
     await page.waitForSelector('text=it was followed');
     assert.equal(asked, said.length);
   }, { allow: /504 \(Gateway|404 \(Not Found/ });
+});
+
+test('an episode stays where it was looked at, and its view in space as it was turned, while the gateway comes back', async () => {
+  const steps = 200;
+  const episode = { dataset: 'a', index: 7, attempt: 0, seed: '7', campaign: 'c', robot: 'ur5', task: 'pick', target: 'cube', reference: '', obstacle: null, instruction: 'pick it up', success: true, outcome: 'success', split: 'train', spec_sha256: '', scene_sha256: '', version: '1',
+    steps, duration_s: 10, control_rate_hz: 20, image_stride: 5, bytes: 1, stages: [{ name: 'reach', from: 0, to: steps }], unsupervised: [], objects: [], tracks: [], cameras: [], details: {}, previous: null, next: null, worker: null, host: null, t: null };
+  const asked = { episode: 0, tracks: 0 };
+  const answers = {
+    ...await answersOfDataset(), '/datasets/a/episodes/7': () => { asked.episode++; return episode; },
+    '/datasets/a/episodes/7/tracks': () => { asked.tracks++; return tensors({ eef_pos: Array.from({ length: 3 * steps }, (_one, i) => 0.01 * (i % 7)) }); },
+    '/datasets/a/episodes/7/replay': { id: null, state: 'impossible', why_not: 'it cannot be made again', job: null, has_episode: false },
+  };
+  await open('/episode/a/7', answers, async (page, _push, drop) => {
+    const shown = async () => Number(/step (\d+) of 200/.exec(await page.locator('[data-time]').innerText())[1]);
+    const named = () => Number(new URL(page.url()).searchParams.get('step') ?? 0);
+    await page.waitForSelector('.view3d canvas');
+    await page.locator('.view3d canvas').evaluate((one) => { one.dataset.turned = 'yes'; });
+    await page.keyboard.press('Space');
+    await until('it to play', async () => (await shown()) > 3);
+    await page.keyboard.press('Space');
+    await page.waitForURL('**step=*');
+    assert.equal(named(), await shown());
+    // while it is dragged the address has not heard of it
+    await page.locator('input[type=range]').evaluate((one) => { one.value = '40'; one.dispatchEvent(new Event('input', { bubbles: true })); });
+    assert.equal(await shown(), 40);
+    const before = { ...asked };
+    await drop();
+    await until('both to be read again', () => asked.episode > before.episode && asked.tracks > before.tracks);
+    await page.waitForSelector('.banner', { state: 'detached' });
+    await drawn(page);
+    assert.equal(await shown(), 40);
+    assert.equal(await page.locator('.view3d canvas[data-turned]').count(), 1);
+  }, { allow: /404 \(Not Found/ });
 });

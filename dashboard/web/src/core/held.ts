@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A listing that grows while it is read: what is new is said and not put in, until one asks for it.
-import { useRef, useState } from 'preact/hooks';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import { epoch } from './connection';
 
 export interface Held {
@@ -22,4 +22,19 @@ export function useHeld(now: number, of: string): Held {
       redraw({});
     },
   };
+}
+
+// ms by which what the bus counts may be ahead of what the gateway has read of the files
+const ahead = 700;
+
+/** While the listing is `empty` there is nothing to hold still: what is new is asked for by itself. */
+export function useFollow(empty: boolean, now: number, { held, setHeld }: Held): void {
+  const ask = useRef(() => {});
+  ask.current = () => setHeld(now);
+  const behind = empty && held !== now;
+  useEffect(() => {
+    if (!behind) return;
+    const timer = window.setTimeout(() => ask.current(), ahead);
+    return () => window.clearTimeout(timer);
+  }, [behind]);
 }

@@ -24,6 +24,17 @@ export function distance(value: number, unit: string | undefined): string {
   return unit === 'm' ? `${number(100 * value, 2)} cm` : `${number(value, 2)} ${unit ?? ''}`;
 }
 
+/** What a module is off on average, in the unit people use for what it decodes; not known what that is: as it is written. */
+export function meanError(of: { quantity: string | null; error: number | null }): string {
+  if (of.error === null) return none;
+  switch (of.quantity) {
+    case null: return number(of.error, 2);
+    case 'class': case 'task': return `${number(100 * of.error, 2)} % wrong`;
+    case 'pixel': return `${number(of.error, 2)} px`;
+    default: return `${number(100 * of.error, 2)} cm`;
+  }
+}
+
 /** How far from the truth; '' where that is not known. */
 export function errorText(error: ModuleError | undefined): string {
   if (!error) return '';

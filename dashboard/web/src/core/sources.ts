@@ -51,6 +51,13 @@ export function nameOf(id: string | null): string {
   return home.value?.sources.find((one) => one.id === id)?.name ?? id ?? '–';
 }
 
+/** When what is read of these is asked for again: each ten seconds while one of them runs, and when one has changed. */
+export function refreshed(of: readonly Source[]): { round: string; every?: number } {
+  const running = of.some((one) => one.state === 'running');
+  // of what runs the time changes all the while
+  return { round: of.map((one) => `${one.id} ${one.state} ${one.state === 'running' ? '' : one.updated ?? ''}`).join(), ...(running ? { every: 10000 } : {}) };
+}
+
 /** Link to an episode's page. */
 export function episodeLink(dataset: string, index: number, query: Record<string, string | number | null> = {}): string {
   return link(`episode/${dataset}/${index}`, query);

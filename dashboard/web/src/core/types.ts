@@ -236,6 +236,7 @@ export type Process = {
 };
 
 export type Host = {
+  /** '?' of workers whose host no journal names */
   host: string;
   /** workers */
   slots: number;
@@ -286,6 +287,8 @@ export type CampaignStatus = {
   eta_s: number | null;
   /** '' when all is well */
   error: string;
+  /** while its collector says so; '' otherwise */
+  control: "" | "paused" | "draining" | "stopping";
   live: boolean;
   /** ms since the value was published or the file changed; null: not known */
   age_ms: number | null;
@@ -801,6 +804,8 @@ export type Checkpoint = {
   channels: string[];
   metrics: Record<string, number | null>;
   modules: Record<string, {
+    /** what it decodes, in whose unit its error is: m, px of a pixel, the share that is wrong of a class or a task; null: config.yaml does not say */
+    quantity: string | null;
     trained_steps: number | null;
     error: number | null;
   }>;
@@ -1227,6 +1232,8 @@ export type Job = {
   /** for copying */
   command: string;
   state: "running" | "done" | "failed";
+  /** it was asked to end; asked again it ends at once */
+  stopping: boolean;
   /** 0..1 */
   progress: number | null;
   /** RFC 3339, UTC */

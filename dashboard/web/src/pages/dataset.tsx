@@ -5,7 +5,7 @@ import { query, useResource } from '../core/api';
 import { folderIn } from '../core/commands';
 import { useCursors } from '../core/cursors';
 import { bytes, count, duration, fixed, none, number } from '../core/format';
-import { useHeld } from '../core/held';
+import { useFollow, useHeld } from '../core/held';
 import { parameter, setParameters } from '../core/router';
 import { episodeLink, useChosen } from '../core/sources';
 import { mostTicks, readTicks, writeTicks } from '../core/ticks';
@@ -141,8 +141,9 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   const { held, setHeld } = useHeld(props.of.episodes, listing);
   // again also when files were read that had not been, and not for each new episode
   const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: `${held} ${props.of.episodes - props.of.known}` });
-  const fresh = props.of.episodes - held;
   const data = first.data;
+  useFollow(data?.total === 0, props.of.episodes, { held, setHeld });
+  const fresh = data?.total === 0 ? 0 : props.of.episodes - held;
   const rows = data ? toRows(data) : [];
   return (
     <Panel title="Episodes" flush aside={

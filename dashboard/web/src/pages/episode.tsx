@@ -65,7 +65,8 @@ function Player(props: { episode: Episode; folder: string; tracks: Tensors | und
   const files = useReplayFiles(props.replay ?? (remake.of?.state === 'ready' && remake.of.has_episode ? remake.of.id : null));
   const unlike = files.data && tracks ? difference(episode, tracks, files.data) : null;
   const shapes = unlike === null ? files.data : undefined;
-  const playhead = useMemo(() => new Playhead(episode.steps, episode.control_rate_hz), [episode]);
+  // an episode that is read again, as when the gateway comes back, is not begun anew
+  const playhead = useMemo(() => new Playhead(episode.steps, episode.control_rate_hz), [episode.dataset, episode.index, episode.steps]);
   const [at, setAt] = parameter('step');
   const [cameraName, setCamera] = parameter('camera', episode.cameras[0]?.name ?? '');
   const camera = episode.cameras.find((one) => one.name === cameraName) ?? episode.cameras[0];
@@ -75,13 +76,14 @@ function Player(props: { episode: Episode; folder: string; tracks: Tensors | und
     playhead.seek(step);
     setAt(playhead.step || null, true);
   };
+  const toggle = () => (playhead.playing ? seek(playhead.step) : playhead.play(true));
   const stride = episode.image_stride;
   const picture = (by: number) => seek((Math.floor(playhead.step / stride) + by) * stride);
   const speeds = [0.25, 0.5, 1, 2, 4];
   const speed = (by: number) => { playhead.speed = speeds[Math.max(0, Math.min(speeds.length - 1, speeds.indexOf(playhead.speed) + by))]!; playhead.seek(playhead.step); };
   const other = (index: number | null) => { if (index !== null) navigate(episodeLink(episode.dataset, index)); };
   useKeys([
-    { keys: 'Space', does: 'play or pause', run: () => playhead.play(!playhead.playing) },
+    { keys: 'Space', does: 'play or pause', run: toggle },
     { keys: 'ArrowLeft', does: 'picture before', run: () => picture(-1) },
     { keys: 'ArrowRight', does: 'picture after', run: () => picture(1) },
     { keys: 'Shift+ArrowLeft', does: 'ten pictures back', run: () => picture(-10) },
@@ -92,7 +94,8 @@ function Player(props: { episode: Episode; folder: string; tracks: Tensors | und
     { keys: '.', does: 'faster', run: () => speed(1) },
   ]);
   const marks = useMemo(() => pictureMarks(episode, tracks), [episode, tracks]);
-  const space = useMemo(() => spaceData(episode, tracks, shapes), [episode, tracks, shapes]);
+  // nor is it drawn anew: whoever turned it finds it as it was
+  const space = useMemo(() => spaceData(episode, tracks, shapes), [playhead, tracks !== undefined, shapes !== undefined]);
   return (
     <>
       {props.replay
@@ -116,7 +119,7 @@ function Player(props: { episode: Episode; folder: string; tracks: Tensors | und
         </Panel>
         <Details episode={episode} />
       </div>
-      <Panel label="Time"><Bands episode={episode} playhead={playhead} seek={seek} /><Bar episode={episode} playhead={playhead} seek={seek} frames={camera?.frames ?? 0} /></Panel>
+      <Panel label="Time"><Bands episode={episode} playhead={playhead} seek={seek} /><Bar episode={episode} playhead={playhead} seek={seek} toggle={toggle} frames={camera?.frames ?? 0} /></Panel>
       {tracks ? <Plots episode={episode} tracks={tracks} playhead={playhead} seek={seek} /> : <Skeleton height={200} />}
     </>
   );
@@ -194,7 +197,7 @@ function Bands(props: { episode: Episode; playhead: Playhead; seek: (step: numbe
   );
 }
 
-function Bar(props: { episode: Episode; playhead: Playhead; seek: (step: number) => void; frames: number }) {
+function Bar(props: { episode: Episode; playhead: Playhead; seek: (step: number) => void; toggle: () => void; frames: number }) {
   const { episode, playhead } = props;
   const slider = useRef<HTMLInputElement>(null);
   const text = useRef<HTMLSpanElement>(null);
@@ -209,7 +212,7 @@ function Bar(props: { episode: Episode; playhead: Playhead; seek: (step: number)
   }) as () => void, [playhead]);
   return (
     <div class="player-bar">
-      <button type="button" class="button icon-only" ref={play} aria-label="Play" onClick={() => playhead.play(!playhead.playing)}>▶</button>
+      <button type="button" class="button icon-only" ref={play} aria-label="Play" onClick={props.toggle}>▶</button>
       <input type="range" ref={slider} aria-label="Step" min="0" max={episode.steps - 1} defaultValue="0" onInput={(event) => { playhead.play(false); playhead.seek(Number(event.currentTarget.value)); }} onChange={(event) => props.seek(Number(event.currentTarget.value))} />
       <span class="small secondary" ref={text} data-time />
     </div>

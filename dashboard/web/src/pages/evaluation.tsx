@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // How often it succeeds, which rollouts failed, and whether one checkpoint is better than another on the same scenes.
 import type { ComponentChildren } from 'preact';
-import { getJson, query, useResource } from '../core/api';
+import { useRef } from 'preact/hooks';
+import { getJson, query, useResource, type Resource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, fixed, none, number, percent, probability, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, parameter, setParameters } from '../core/router';
-import { episodeLink, listed, nameOf, sourcesOf, useChosen } from '../core/sources';
+import { episodeLink, listed, nameOf, refreshed, sourcesOf, useChosen } from '../core/sources';
 import type { Diff, Eval, EvalRow, EvalRows, Pair, TaskReport } from '../core/types';
-import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Pager, Panel, Segments, Select, StateChip } from '../parts/basics';
+import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Pager, Panel, Segments, Select, Skeleton, StateChip } from '../parts/basics';
 import { Difference, Dots } from '../parts/dots';
 
 export function Evaluation() {
@@ -70,8 +71,9 @@ export async function loadEvals(ids: string, signal: AbortSignal): Promise<Eval[
 function ByCheckpoint(props: { of: Eval }) {
   const { of } = props;
   const [task] = parameter('task');
-  const ids = sourcesOf('eval').filter((one) => one.id !== of.id).slice(0, mostCompared).map((one) => one.id).join(',');
-  const others = useResource<Eval[]>(of.run_id && ids ? ids : null, { load: loadEvals });
+  const those = sourcesOf('eval').filter((one) => one.id !== of.id).slice(0, mostCompared);
+  const ids = those.map((one) => one.id).join(',');
+  const others = useResource<Eval[]>(of.run_id && ids ? ids : null, { load: loadEvals, ...refreshed(those) });
   if (!of.run_id || !of.checkpoint) return null;
   const step = (one: Eval) => one.checkpoint?.step ?? -1;
   const all = [of, ...(others.data ?? [])].filter((one) => one.run_id === of.run_id && step(one) >= 0).sort((a, b) => step(a) - step(b) || a.name.localeCompare(b.name));
@@ -110,6 +112,15 @@ function kind(row: EvalRow): string {
 // cells at once
 const mostScenes = 500;
 
+/** The first failure of a listing, or what else it begins with; it stays while others come before it. */
+function useFirst(page: Resource<EvalRows>, listing: string, choose: (rows: EvalRow[]) => EvalRow | undefined): EvalRow | undefined {
+  const first = useRef<{ of: string; row: EvalRow | undefined }>({ of: '', row: undefined });
+  const rows = page.data?.rows ?? [];
+  if (!page.pending && (first.current.of !== listing || !first.current.row)) first.current = { of: listing, row: choose(rows) };
+  const { row } = first.current;
+  return rows.find((one) => one.index === row?.index) ?? row;
+}
+
 function Scenes(props: { of: Eval; versus: string }) {
   const { of } = props;
   const [order] = parameter('order', 'failures');
@@ -119,12 +130,15 @@ function Scenes(props: { of: Eval; versus: string }) {
   const offset = Number(from) || 0;
   const setSorted = (value: string) => setParameters({ order: value === 'failures' ? null : value, from: null });
   useKeys([{ keys: 'f', does: 'failures first', run: () => setSorted(order === 'failures' ? 'index' : 'failures') }]);
-  const page = useResource<EvalRows>(`/evals/${of.id}/rows${query({ sort: order, task, offset, limit: mostScenes })}`, { round: of.done });
+  const listing = `/evals/${of.id}/rows${query({ sort: order, task, offset, limit: mostScenes })}`;
+  const page = useResource<EvalRows>(listing, { round: of.done });
   const rows = page.data?.rows ?? [];
   const [total, failed] = [page.data?.total ?? 0, page.data?.failed ?? 0];
   const here = rows.find((one) => String(one.index) === picked);
-  const other = useResource<EvalRows>(picked && page.data && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null);
-  const row = here ?? other.data?.rows[0] ?? (failed && order === 'failures' ? rows[0] : rows.find((one) => !one.success));
+  const other = useResource<EvalRows>(picked && (page.data || page.error) && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null, { round: of.done });
+  const first = useFirst(page, listing, (all) => (failed && order === 'failures' ? all[0] : all.find((one) => !one.success)));
+  // of another scene than the one that is picked nothing is shown
+  const row = picked ? here ?? (other.pending ? undefined : other.data?.rows[0]) : first;
   const open = wanted(of) - of.done;
   return (
     <div class="columns main-side">
@@ -142,8 +156,18 @@ function Scenes(props: { of: Eval; versus: string }) {
       </Panel>
       <Compare of={of} versus={props.versus} />
       </div>
-      {row ? <Scene of={of} row={row} /> : <Panel title="Scene"><p class="muted">Choose a scene to see its rollout.</p></Panel>}
+      {row ? <Scene of={of} row={row} /> : picked ? <NoScene picked={picked} of={other} /> : <Panel title="Scene"><p class="muted">Choose a scene to see its rollout.</p></Panel>}
     </div>
+  );
+}
+
+/** In place of a scene that is picked: it is under way, cannot be had, or is not there. */
+function NoScene(props: { picked: string; of: Resource<EvalRows> }) {
+  const { picked, of } = props;
+  return (
+    <Panel title={`Scene ${picked}`}>
+      {of.error ? <Failed problem={of.error} retry={of.reload} /> : of.data && !of.pending ? <p class="secondary" data-no-scene>Scene {picked} is not rolled out.</p> : <Skeleton height={240} />}
+    </Panel>
   );
 }
 

@@ -4,7 +4,7 @@ import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { getBytes, query, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, duration, none, number, percent } from '../core/format';
-import { useHeld } from '../core/held';
+import { useFollow, useHeld } from '../core/held';
 import { link, navigate, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
 import { episodeLink, useChosen } from '../core/sources';
@@ -38,11 +38,11 @@ function OfCampaign(props: { id: string }) {
         return (
           <>
             <div class="page-head">
-              <StateChip state={data.state} />
+              {data.state === 'running' && status.control ? <Chip><span aria-hidden="true">{glyphs[status.control]}</span> {status.control}</Chip> : <StateChip state={data.state} />}
               <p data-attempts-summary>{status.live && status.per_min !== null && <><b>{number(status.per_min)}</b> a minute · </>}<b>{count(status.attempts)}</b> attempts · <b>{count(status.committed)}</b> of {count(status.total)} committed · <b>{count(failed)}</b> failed{status.attempts > 0 && ` (${percent(failed / status.attempts)})`} · <b>{count(status.given_up)}</b> given up</p>
-              {status.error && <Chip tone="bad">{status.error}</Chip>}
+              {status.error && <p class="bad breaks" data-campaign-error>{status.error}</p>}
               {status.eta_s !== null && status.live && <span class="muted">{duration(status.eta_s)} left</span>}
-              <Controls campaign={id} running={status.live && status.committed < status.total} />
+              <Controls campaign={id} running={status.live && status.committed < status.total} control={status.control} />
             </div>
             <div class="grid wide">
               <Matrix of={data} failed={failed} />
@@ -57,18 +57,23 @@ function OfCampaign(props: { id: string }) {
   );
 }
 
+// of a campaign that is held up
+const glyphs = { paused: '❚❚', draining: '❚❚', stopping: '■' };
+
 /** Once there they stay while the page does: a dialog that stopped the campaign says how that ended. */
-function Controls(props: { campaign: string; running: boolean }) {
-  const { campaign, running } = props;
+function Controls(props: { campaign: string; running: boolean; control: CampaignStatus['control'] }) {
+  const { campaign, running, control } = props;
   const ran = useRef(running);
   ran.current ||= running;
   if (!ran.current) return null;
-  const disabled = !running;
+  // a collector that is about to end takes no more orders
+  const disabled = !running || control === 'stopping';
+  const waits = control === 'paused' || control === 'draining';
   return (
     <><span class="fill" /><span class="row">
-      <ActionButton label="Pause" about="Nothing new is leased to workers; what is leased is finished and committed." of={{ action: 'pause', campaign }} disabled={disabled} />
-      <ActionButton label="Drain" about="As pause, and waits until nothing is leased any more." of={{ action: 'drain', campaign }} disabled={disabled} />
-      <ActionButton label="Resume" about="Leases again." of={{ action: 'resume', campaign }} disabled={disabled} />
+      <ActionButton label="Pause" about="Nothing new is leased to workers; what is leased is finished and committed." of={{ action: 'pause', campaign }} disabled={disabled || waits} />
+      <ActionButton label="Drain" about="As pause, and waits until nothing is leased any more." of={{ action: 'drain', campaign }} disabled={disabled || control === 'draining'} />
+      <ActionButton label="Resume" about="Leases again." of={{ action: 'resume', campaign }} disabled={disabled || !waits} />
       <ActionButton label="Stop" about="Ends the collector. What is committed stays; started again, it resumes." of={{ action: 'stop', campaign }} disabled={disabled} />
     </span></>
   );
@@ -235,9 +240,11 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
   const listing = `/campaigns/${props.id}/attempts${query({ ...filter, outcome: outcome === 'all' ? '' : outcome, limit: 100 })}`;
   const { held, setHeld } = useHeld(props.round, listing);
   const rows = useResource<Attempts>(listing, { round: held });
-  const fresh = props.round - held;
   const set = names.filter((name) => filter[name]);
   const data = rows.data;
+  const empty = data?.rows.length === 0;
+  useFollow(empty, props.round, { held, setHeld });
+  const fresh = empty ? 0 : props.round - held;
   const tiles = data?.rows.slice(0, 8) ?? [];
   return (
     <Panel title="Latest attempts" flush aside={
@@ -247,7 +254,9 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
         <Segments label="Outcome" value={outcome} options={[['all', 'all'], ['success', 'ok'], ['failed', 'failed']]} choose={(value) => setOutcome(value)} />
       </>}>
       {rows.error && <Failed problem={rows.error} retry={rows.reload} />}
-      {data && !data.rows.length && <Empty title={outcome === 'failed' ? 'No failed attempt' : 'No attempt yet'}>{outcome === 'failed' ? 'Nothing that was tried has failed with these filters.' : 'The first one appears here when a worker has finished it.'}</Empty>}
+      {empty && (props.round > 0 && (set.length > 0 || outcome === 'success')
+        ? <Empty title="No attempt fits these filters">{`${count(props.round)} are there without them.`}</Empty>
+        : <Empty title={outcome === 'failed' ? 'No failed attempt' : 'No attempt yet'}>{outcome === 'failed' ? 'Nothing that was tried has failed.' : 'The first one appears here when a worker has finished it.'}</Empty>)}
       {tiles.length > 0 && <div class="tiles pad" data-tiles>{tiles.map((one) => <Tile of={one} dataset={props.dataset ?? props.id} />)}</div>}
       {data && data.rows.length > 0 && (
         <Table label="Attempts" rows={data.rows} id={(row) => `${row.index}.${row.attempt}`} height={440} link={(row) => attemptLink(props.dataset ?? props.id, row)}

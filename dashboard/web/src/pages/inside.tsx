@@ -3,12 +3,12 @@
 import type { ComponentChildren } from 'preact';
 import { useMemo, useState } from 'preact/hooks';
 import { useResource } from '../core/api';
-import { count, none, number, short } from '../core/format';
+import { count, none, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, linkHere, navigate, parameter } from '../core/router';
-import { brief, errorText, plan } from '../core/says';
+import { brief, errorText, meanError, plan } from '../core/says';
 import { isOf } from '../core/session';
-import { listed, sourceOf, sourcesOf, useChosen } from '../core/sources';
+import { listed, refreshed, sourceOf, sourcesOf, useChosen } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
@@ -23,7 +23,7 @@ export function Inside() {
   // of runs that are compared the first
   const named = listed(parameter('run')[0])[0];
   const [evaluation] = parameter('eval');
-  const kept = useResource<Eval>(evaluation ? `/evals/${evaluation}` : null);
+  const kept = useResource<Eval>(evaluation ? `/evals/${evaluation}` : null, refreshed(sourcesOf('eval').filter((one) => one.id === evaluation)));
   // another run that is picked leaves the files of this one
   const from = kept.data && (!named || !kept.data.run_id || kept.data.run_id === named) ? kept.data : undefined;
   const choice = listed(useChosen('run', !evaluation))[0] ?? null;
@@ -42,13 +42,13 @@ function WithoutRun(props: { of: Eval }) {
   const [said, tell] = useState<Insight | undefined>(undefined);
   const names = Object.keys(said?.modules ?? {});
   const [module] = parameter('module', names[names.length - 1] ?? '');
-  return <KeptInsight of={props.of} module={module} planner="" tell={tell} />;
+  return <KeptInsight key={props.of.id} of={props.of} module={module} planner="" tell={tell} />;
 }
 
 /** Evaluations of a run, the newest, of whose rollouts it was kept what the policy said. */
 function useKept(run: string): Eval[] {
-  const ids = sourcesOf('eval').slice(0, mostCompared).map((one) => one.id).join(',');
-  const all = useResource<Eval[]>(ids || null, { load: loadEvals });
+  const those = sourcesOf('eval').slice(0, mostCompared);
+  const all = useResource<Eval[]>(those.map((one) => one.id).join(',') || null, { load: loadEvals, ...refreshed(those) });
   return (all.data ?? []).filter((one) => one.run_id === run && one.insights > 0);
 }
 
@@ -72,16 +72,6 @@ function Source(props: { kept: Eval[]; from: Eval | undefined; session: string; 
     navigate(link('inside', { run, ...(kind ? { [kind]: name } : {}) }));
   };
   return <Select label="from" showLabel value={from ? `eval ${from.id}` : session ? `session ${session}` : ''} options={[['', 'its server, about a recorded picture'], ...options]} choose={choose} />;
-}
-
-/** Error of a node in the unit people use. */
-function errorOf(node: GraphNode): string {
-  if (node.error === null) return none;
-  switch (node.quantity) {
-    case 'class': case 'task': return `${number(100 * node.error, 2)} % wrong`;
-    case 'pixel': return `${number(node.error, 2)} px`;
-    default: return `${number(100 * node.error, 2)} cm`;
-  }
 }
 
 function about(node: GraphNode): string {
@@ -110,7 +100,7 @@ function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
       <Panel title="What reads what" aside={<Legend />}><Drawing of={of} insight={insight} selected={selected} select={(name) => select(name, true)} /></Panel>
-      {from ? <KeptInsight of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} heard={heard} read={read} {...shown} />}
+      {from ? <KeptInsight key={from.id} of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} heard={heard} read={read} {...shown} />}
       {node && <Side node={node} graph={of} insight={insight} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => linkHere({ module: row.name })} columns={[
@@ -119,7 +109,7 @@ function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
           { key: 'about', title: 'says', width: 'minmax(140px, 2fr)', card: 'long', cell: (row) => about(row) },
           { key: 'reads', title: 'reads', width: 'minmax(150px, 3fr)', card: 'long', cell: (row) => <span class="secondary">{row.reads.join(', ')}</span> },
           { key: 'attend', title: 'attention supervised on', width: 'minmax(150px, 2fr)', card: 'long', cell: (row) => <span class="secondary">{row.attend.join(', ')}</span> },
-          { key: 'error', title: 'error', width: 'minmax(90px, 1fr)', number: true, cell: (row) => errorOf(row) },
+          { key: 'error', title: 'error', width: 'minmax(90px, 1fr)', number: true, cell: (row) => meanError(row) },
           { key: 'trained', title: 'trained steps', width: '13ch', number: true, cell: (row) => row.trained ? count(row.trained_steps) : <span class="muted">stage {row.stage}</span> },
           { key: 'parameters', title: 'parameters', width: '11ch', number: true, cell: (row) => count(row.parameters) },
         ]} />
@@ -196,7 +186,7 @@ const inputNames: Record<string, string> = { image: 'picture', language: 'words'
 
 /** What a module says of the picture that is asked about, and how far that is from the truth; without one, what it is about. */
 function linesOf(node: GraphNode, insight: Insight | undefined): { says: string; error: string } {
-  const known = node.trained ? errorOf(node) : `stage ${node.stage ?? none}, not trained`;
+  const known = node.trained ? meanError(node) : `stage ${node.stage ?? none}, not trained`;
   if (!insight) return { says: about(node), error: known };
   const planned = node.quantity === 'trajectory' ? plan(insight) : null;
   const error = planned ? planned.error : errorText(insight.truth.errors[node.name]);
@@ -257,7 +247,7 @@ function Side(props: { node: GraphNode; graph: Graph; insight: Insight | undefin
   return (
     <Panel title={node.name} aside={<a href={link('training', { run: props.run })}>Its curves</a>}>
       <Facts two rows={[
-        ['error', <b>{errorOf(node)}</b>],
+        ['error', <b>{meanError(node)}</b>],
         ['says', about(node)],
         ...(props.insight ? [['here', linesHere(node, props.insight)] as [string, ComponentChildren]] : []),
         ['level', String(node.level)],

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a policy said at each decision of a rollout, from the files that its evaluation kept: nobody need serve it. Which
 // rollout and which decision stands in the address.
-import { useEffect } from 'preact/hooks';
+import { useEffect, useRef } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { decisionAt, decisionBeside } from '../core/decisions';
 import { count, fixed } from '../core/format';
@@ -20,13 +20,16 @@ const mostRows = 1000;
 
 export function KeptInsight(props: Shown & { of: Eval }) {
   const { of } = props;
-  const rows = useResource<EvalRows>(`/evals/${of.id}/rows${query({ limit: mostRows, sort: 'failures' })}`);
+  const rows = useResource<EvalRows>(`/evals/${of.id}/rows${query({ limit: mostRows, sort: 'failures' })}`, { round: `${of.done} ${of.insights}` });
   const [scene] = parameter('scene');
+  // one that failed since comes before it, and does not take its place
+  const first = useRef('');
   const title = `What was kept of ${of.name}`;
   return (
     <Loaded of={rows}>{(data) => {
       const kept = data.rows.filter((one) => one.insight);
-      const index = scene || String(kept[0]?.index ?? '');
+      first.current ||= String(kept[0]?.index ?? '');
+      const index = scene || first.current;
       if (!index) return <Panel title={title}><Empty title="Nothing was kept of these rollouts" command="etude eval --checkpoint FILE --out OUT --insight">The same command as before, with one word more, asks the policy about each decision and keeps what it says:</Empty></Panel>;
       return <Rollout key={`${of.id}/${index}`} {...props} title={title} rows={kept} index={index} />;
     }}</Loaded>

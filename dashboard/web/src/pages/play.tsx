@@ -181,9 +181,9 @@ function Table(props: { session: string }) {
       {(state) => {
         const scene = state.scene as unknown as Scene;
         const resting = state.phase === 'rest';
-        const place = async (name: string, x: number, y: number) => {
+        const place = (name: string, x: number, y: number) => {
           const yaw = scene.objects.find((one) => one.name === name)?.yaw ?? 0;
-          await send('scene', { keep: true, objects: [{ name, x, y, yaw }] });
+          return send('scene', { keep: true, objects: [{ name, x, y, yaw }] });
         };
         return (
           <div class="play">
@@ -195,7 +195,7 @@ function Table(props: { session: string }) {
               <Say address={address} state={state} scene={scene} send={send} />
               <Verdict state={state} />
               <Panel title="Table">
-                <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? (name, x, y) => { void place(name, x, y); } : null} />
+                <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? place : null} />
                 <Moves selected={scene.objects.find((one) => one.name === selected)} send={send} reset={() => { void send('reset'); }} />
                 {refusal && <p class="bad" role="alert">{refusal}</p>}
                 {access.field && <form class="row" data-play-sign-in onSubmit={(event) => { event.preventDefault(); void signIn(); }}>{access.field}<button type="submit" class="button" disabled={!access.ready}>Sign in</button></form>}

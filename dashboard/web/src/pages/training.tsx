@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Does it learn, is it fed, why does a stage stand. Colour is the run, the panel is the module.
-import { useEffect, useMemo, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { getBytes, problemOf, query, root, useResource, type Problem, type Resource } from '../core/api';
 import { epoch, useLive } from '../core/connection';
 import { folderIn } from '../core/commands';
@@ -52,14 +52,35 @@ function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: Rang
   // what came for another run or axis is no curve of this one
   const of = `${id} ${axis}`;
   const generation = epoch.value;
+  const wanted = useRef({ keys, stamp: '' });
+  wanted.current = { keys, stamp: `${round} ${text}` };
+  const goOn = useRef(() => {});
   useEffect(() => {
-    if (!id || !keys.length) return;
+    if (!id) return;
     const abort = new AbortController();
     const options = `&x=${axis}${range ? `&from=${range[0]}&to=${range[1]}` : ''}`;
-    loadCurves(id, keys, options, abort.signal).then((curves) => { if (!abort.signal.aborted) setAsked({ of, curves }); })
-      .catch((error: unknown) => { if (!abort.signal.aborted) setAsked((old) => ({ ...(old.of === of ? old : {}), of, problem: problemOf(error) })); });
+    let busy = false;
+    let before = '';
+    // lines that come faster than curves are read end no load: the newest are asked for when it is through
+    const load = async () => {
+      if (busy) return;
+      busy = true;
+      while (!abort.signal.aborted && wanted.current.keys.length && wanted.current.stamp !== before) {
+        before = wanted.current.stamp;
+        try {
+          const curves = await loadCurves(id, wanted.current.keys, options, abort.signal);
+          if (!abort.signal.aborted) setAsked({ of, curves });
+        } catch (error) {
+          if (!abort.signal.aborted) setAsked((old) => ({ ...(old.of === of ? old : {}), of, problem: problemOf(error) }));
+        }
+      }
+      busy = false;
+    };
+    goOn.current = () => { void load(); };
+    goOn.current();
     return () => abort.abort();
-  }, [id, text, axis, range?.[0], range?.[1], round, generation, again]);
+  }, [id, axis, range?.[0], range?.[1], generation, again]);
+  useEffect(() => goOn.current(), [text, round]);
   const own = asked.of === of ? asked : undefined;
   return { curves: own?.curves, problem: own?.problem, reload: () => setAgain(again + 1) };
 }
@@ -133,7 +154,7 @@ function Compare(props: { ids: string[] }) {
   return (
     <div class="row">
       {props.ids.map((id, i) => (
-        <span class="chip">{props.ids.length > 1 && <Marker of={i} token={hues[i]!} />}{nameOf(id)}
+        <span class="chip">{props.ids.length > 1 && <Marker of={i} token={hues[i]!} />}<span class="text">{nameOf(id)}</span>
           {props.ids.length > 1 && <button type="button" class="button plain" aria-label={`remove ${nameOf(id)}`} onClick={() => set(props.ids.filter((one) => one !== id))}>✕</button>}
         </span>))}
       {others.length > 0 && props.ids.length < 4 && <Select label="Compare with" value="" options={[['', 'compare with…'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => { if (id) set([...props.ids, id]); }} />}

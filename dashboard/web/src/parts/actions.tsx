@@ -4,14 +4,17 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { getJob, getJson, jobGone, postJson, problemOf, type Problem } from '../core/api';
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
-import { Chip, Command, Failed } from './basics';
+import { Chip, Command, Failed, Select } from './basics';
 import { StopJob } from './jobs';
 import { useToken } from './sign_in';
 
 type Arguments = { action: string } & Record<string, string | number>;
 
+/** An argument that is chosen in the dialog; `none`: what it means to leave it out. */
+export interface Choice { argument: string; label: string; none: string; values: () => Promise<string[]> }
+
 /** `done` is called when the job that it started has ended well. */
-export function ActionButton(props: { label: string; about: string; of: Arguments; disabled?: boolean; done?: () => void }) {
+export function ActionButton(props: { label: string; about: string; of: Arguments; choice?: Choice; disabled?: boolean; done?: () => void }) {
   const [open, setOpen] = useState(false);
   return (
     <>
@@ -21,10 +24,13 @@ export function ActionButton(props: { label: string; about: string; of: Argument
   );
 }
 
-function Confirm(props: { label: string; about: string; of: Arguments; close: () => void; done?: () => void }) {
+function Confirm(props: { label: string; about: string; of: Arguments; choice?: Choice; close: () => void; done?: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
   // what is run is what is shown, whatever the page behind it goes on to
-  const [of] = useState(props.of);
+  const [given] = useState(props.of);
+  const [picked, setPicked] = useState('');
+  const [values, setValues] = useState<string[]>([]);
+  const of: Arguments = picked && props.choice ? { ...given, [props.choice.argument]: picked } : given;
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
   const [busy, setBusy] = useState(false);
@@ -33,9 +39,16 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const [gone, setGone] = useState(false);
   useEffect(() => {
     dialog.current?.showModal();
-    postJson<{ command: string }>('/actions', { ...of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
     getJson<{ authorized: boolean }>('/session').then((answer) => access.lock(!answer.authorized)).catch(() => undefined);
+    props.choice?.values().then(setValues).catch(() => undefined);
   }, []);
+  useEffect(() => {
+    let current = true;
+    setProblem(null);
+    const show = (text: string, failed: Problem | null) => { if (current) setCommand(text), setProblem(failed); };
+    postJson<{ command: string }>('/actions', { ...of, dry_run: true }).then((answer) => show(answer.command, null)).catch((error: unknown) => show('', problemOf(error)));
+    return () => { current = false; };
+  }, [picked]);
   useEffect(() => {
     if (job?.state === 'done') props.done?.();
     if (job?.state !== 'running' || gone) return;
@@ -60,6 +73,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
       <div class="stack">
         <div class="row apart"><h2 class="figure">{props.label}</h2><button type="button" class="button" onClick={() => dialog.current?.close()}>Close</button></div>
         <p class="secondary">{props.about}</p>
+        {props.choice && values.length > 0 && !job && <Select showLabel label={props.choice.label} value={picked} options={[['', props.choice.none], ...values.map((one) => [one, one] as const)]} choose={setPicked} />}
         {command && <Command text={command} />}
         {problem && <Failed problem={problem} />}
         {!home.value?.actions && <p class="small muted">This gateway was started without --token-file: it changes nothing. Copy the command.</p>}
@@ -79,7 +93,7 @@ function Progress(props: { of: Job }) {
   const { of } = props;
   return (
     <>
-      <p class="row"><Chip tone={of.state === 'done' ? 'good' : of.state === 'failed' ? 'bad' : ''}>{of.state}</Chip>{of.state === 'running' && <StopJob id={of.id} label="Stop it" />}</p>
+      <p class="row"><Chip tone={of.state === 'done' ? 'good' : of.state === 'failed' ? 'bad' : ''}>{of.state}</Chip>{of.state === 'running' && <StopJob id={of.id} label="Stop it" stopping={of.stopping} />}</p>
       {of.log.length > 0 && <pre class="job-log" tabIndex={0} role="group" aria-label="Its output">{of.log.slice(-12).join('\n')}</pre>}
     </>
   );

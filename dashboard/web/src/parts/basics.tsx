@@ -30,7 +30,7 @@ export function StateChip(props: { state: State | null | undefined }) {
 }
 
 export function Chip(props: { tone?: 'good' | 'warn' | 'bad' | ''; title?: string; children: ComponentChildren }) {
-  return <span class={`chip ${props.tone ?? ''}`} title={props.title}>{props.children}</span>;
+  return <span class={`chip ${props.tone ?? ''}`} title={props.title}><span class="text">{props.children}</span></span>;
 }
 
 /** A figure whose change is underlined for a moment, at most every two seconds. */

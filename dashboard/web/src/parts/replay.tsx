@@ -84,7 +84,7 @@ export function MakeReplay(props: { of: Remake; label: string; command?: string 
   if (of.job?.state === 'running') {
     return (
       <div class="stack tight" role="status" data-replay="running">
-        <p class="row"><Chip>running</Chip>The attempt is being made again.<StopJob id={of.job.id} label="Stop it" /></p>
+        <p class="row"><Chip>running</Chip>The attempt is being made again.<StopJob id={of.job.id} label="Stop it" stopping={of.job.stopping} /></p>
         {of.job.log.length > 0 && <p class="small mono secondary">{of.job.log[of.job.log.length - 1]}</p>}
       </div>
     );
