@@ -40,9 +40,9 @@ int RunTrainer(const char* folder, std::uint64_t start, std::uint64_t step) {
 
 class RelayProcesses : public ::testing::Test {
  protected:
-  // a killed process counts as there for the lease: a short one
+  // a killed process counts as there for the lease: a short one, but not so short that who waits for a core is gone
   static void SetUpTestSuite() {
-    std::string profile = bus::LocalProfileWith("<LeaseDuration>1s</LeaseDuration>");
+    std::string profile = bus::LocalProfileWith("<LeaseDuration>3s</LeaseDuration>");
     const std::string interval = "<SPDPInterval>5s";
     profile.replace(profile.find(interval), interval.size(), "<SPDPInterval>1s");
     ::setenv("CYCLONEDDS_URI", profile.c_str(), 1);

@@ -31,7 +31,8 @@ Environment With(Environment environment, const std::string& name, const std::st
 }
 
 TEST(Faults, F10ADiskThatIsFullIsWaitedFor) {
-  CampaignRun run({.name = "f10", .domain = 93, .episodes = 24});
+  // slow, so that the disk is full before all of them are there
+  CampaignRun run({.name = "f10", .domain = 93, .episodes = 24, .ms_per_attempt = 60});
   const SmallDisk disk(run.dataset(), "16m");
   if (!disk.mounted()) GTEST_SKIP() << "F10 on a small tmpfs needs root";
   const Path ballast = run.dataset() / ".lock-ballast";

@@ -179,7 +179,7 @@ int SendUnfit(const bus::Participant& participant, const CampaignRun& run, const
 }
 
 TEST(Faults, F19MalformedAndForeignBytesAreRefused) {
-  CampaignRun run({.name = "f19", .domain = kDomain, .episodes = 40, .ms_per_attempt = 600});
+  CampaignRun run({.name = "f19", .domain = kDomain, .episodes = 80, .ms_per_attempt = 600});
   run.StartCollector();
   run.StartWorker();
   run.StartWorker({{"FAKE_ADDRESS", kTold}});
@@ -280,7 +280,7 @@ TEST(Faults, F20ForeignAuthoritiesDoNotCloseTheDoor) {
 
 // Of another wire or content number: refused by name. Of the same numbers and an older program: it joins.
 TEST(Faults, F23ProgramsOfOtherVersionsAreRefusedOrUnderstood) {
-  CampaignRun run({.name = "f23", .domain = kDomain, .episodes = 24, .ms_per_attempt = 300});
+  CampaignRun run({.name = "f23", .domain = kDomain, .episodes = 48, .ms_per_attempt = 300});
   run.StartCollector();
   run.StartWorker();
   run.WaitForCommitted(2);

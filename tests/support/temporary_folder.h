@@ -20,8 +20,9 @@ class TemporaryFolder {
   Path path_;
 };
 
-/// Removes what tests and their scripts left in the system's temporary folder: what is named etude-test-PID-* and whose
-/// process is no more. Called once by each program that makes a TemporaryFolder.
+/// Removes what tests and their scripts left in the system's temporary folder: what is named etude-test-nsNS-PID-*,
+/// where NS is this process's namespace of process ids, and whose process is no more; and what scripts named
+/// etude-test-PID-* more than a day ago. Called once by each program that makes a TemporaryFolder.
 void RemoveFoldersOfTheDead();
 
 }  // namespace etude

@@ -5,8 +5,14 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <string>
 
 namespace etude {
 namespace temporary_folder_test {
@@ -19,12 +25,27 @@ TEST(TemporaryFolders, OfTheDeadAreRemovedAndThoseInUseStay) {
   const pid_t child = ::fork();
   if (child == 0) ::_exit(0);
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
-  const Path left = std::filesystem::temp_directory_path() / fmt::format("etude-test-{}-left", child);
-  ASSERT_TRUE(MakeFolders(left / "data"));
+  struct stat space {};
+  ASSERT_EQ(::stat("/proc/self/ns/pid", &space), 0);
+  const auto make = [&](const std::string& name) {
+    const Path path = temporary / name;
+    EXPECT_TRUE(MakeFolders(path / "data"));
+    return path;
+  };
+  const std::uint64_t here = space.st_ino;
+  const Path left = make(fmt::format("etude-test-ns{}-{}-left", here, child));
+  const Path elsewhere = make(fmt::format("etude-test-ns{}-{}-left", here + 1, child));
+  const Path of_a_script = make(fmt::format("etude-test-{}-new", child));
+  const Path of_an_old_one = make(fmt::format("etude-test-{}-old", child));
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(48);
+  for (const Path& path : {elsewhere, of_an_old_one}) std::filesystem::last_write_time(path, long_ago);
 
   RemoveFoldersOfTheDead();
 
   EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_FALSE(std::filesystem::exists(of_an_old_one));
+  EXPECT_TRUE(std::filesystem::exists(of_a_script)) << "it may be of a process in another container";
+  EXPECT_TRUE(std::filesystem::exists(elsewhere)) << "whatever its number means there";
   EXPECT_TRUE(std::filesystem::exists(own.path()));
   ASSERT_EQ(::unsetenv("TMPDIR"), 0);
 }

@@ -38,6 +38,12 @@ bool WaitFor(const std::function<bool()>& condition) {
   return condition();
 }
 
+// Until `participant` sees another one: who claims looks around for 0.3 s, which is short on a busy machine.
+void WaitUntilSeen(const Participant& participant) {
+  auto directory = Directory::Open(participant).value();
+  ASSERT_TRUE(WaitFor([&] { return !directory.Live().empty(); }));
+}
+
 TEST(Directory, FindsByNameAndByIdAndForgetsWhoEnded) {
   const auto peers = OpenTwo(kDomain);
   auto directory = Directory::Open(peers.b).value();
@@ -98,6 +104,7 @@ TEST(Directory, ANameThatMeansTwoThingsIsAnsweredByAList) {
   const auto one = Announce(peers.a, MakeRun("two", "aaaa000000000001", "/one"));
   const auto other = Announce(peers.b, MakeRun("two", "bbbb000000000002", "/other"));
   auto directory = Directory::Open(peers.b).value();
+  ASSERT_TRUE(WaitFor([&] { return directory.Live().size() == 2; }));
 
   const auto found = directory.Find(PresenceKind::kRun, {"two", ""}, 10s);
 
@@ -126,6 +133,7 @@ TEST(Directory, ShardsOfACampaignAreOne) {
   const auto second = Announce(peers.a, MakeShard("bbbb000000000002", 2, 2));
   const auto first = Announce(peers.b, MakeShard("aaaa000000000001", 1, 2));
   auto directory = Directory::Open(peers.b).value();
+  ASSERT_TRUE(WaitFor([&] { return directory.Live().size() == 2; }));
 
   const auto found = directory.FindCampaign({"shared", ""}, 10s);
   ASSERT_TRUE(found) << found.error().message;
@@ -147,6 +155,7 @@ TEST(Directory, ShardsOfACampaignAreOne) {
 TEST(Directory, AShardThatIsLiveElsewhereIsRefusedUnlessAdopted) {
   const auto peers = OpenTwo(kDomain);
   auto original = Announce(peers.a, MakeShard("aaaa000000000001", 1, 2));
+  WaitUntilSeen(peers.b);
   for (const auto& rival : {MakeShard("bbbb000000000002", 1, 2), MakeShard("bbbb000000000002", 2, 3)}) {
     const auto refused = Announcement::Open(peers.b, rival, Claim::kRefuse);
     ASSERT_FALSE(refused);
@@ -182,6 +191,7 @@ TEST(Directory, AnIdThatIsLiveElsewhereIsRefusedUnlessAdopted) {
   const auto peers = OpenTwo(kDomain);
   auto original = Announce(peers.a, MakeRun("copied", "aaaa000000000001", "/original", 5));
   EXPECT_FALSE(original.Successor());
+  WaitUntilSeen(peers.b);
 
   const auto refused = Announcement::Open(peers.b, MakeRun("copied", "aaaa000000000001", "/copy", 5), Claim::kRefuse);
   ASSERT_FALSE(refused);
@@ -238,6 +248,7 @@ TEST(Directory, UnderSecurityAnIdThatIsLiveElsewhereIsRefusedToo) {
 TEST(Directory, ThePastOfTheSameFolderIsNoOther) {
   const auto peers = OpenTwo(kDomain);
   const auto killed = Announce(peers.a, MakeRun("killed", "aaaa000000000001", "/same", 1));
+  WaitUntilSeen(peers.b);
   auto again = Announce(peers.b, MakeRun("killed", "aaaa000000000001", "/same", 2));
   EXPECT_FALSE(again.Successor());
 }
@@ -250,6 +261,7 @@ TEST(Directory, AnotherFolderOfTheSamePathIsAnother) {
   first.folder_key = "1:2";
   second.folder_key = "1:3";
   const auto there = Announce(peers.a, first);
+  WaitUntilSeen(peers.b);
   const auto refused = Announcement::Open(peers.b, second, Claim::kRefuse);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, Code::kUnavailable);

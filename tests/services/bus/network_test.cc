@@ -9,9 +9,12 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <vector>
 
 #include "services/bus/process_reporter.h"
 #include "services/bus/topology.h"
+#include "services/core/clock.h"
+#include "services/core/stop.h"
 #include "tests/support/matchers.h"
 
 namespace etude::bus {
@@ -47,7 +50,12 @@ TEST(Network, ClocksOfOneMachineAgree) {
   ASSERT_THAT(participant, IsOk());
   const auto reporter = ProcessReporter::Start(*participant, {.role = "test", .every = 50ms});
   ASSERT_THAT(reporter, IsOk());
-  const auto clocks = MeasureClocks(*participant, 500ms);
+  const auto agree = [](const std::vector<ClockOffset>& clocks) {
+    return clocks.size() == 1 && std::abs(clocks.front().seconds) < 0.2;
+  };
+  auto clocks = MeasureClocks(*participant, 500ms);
+  // a message that has waited for a core makes its sender's clock late
+  for (int again = 0; again < 9 && clocks && !agree(*clocks); ++again) clocks = MeasureClocks(*participant, 500ms);
   ASSERT_THAT(clocks, IsOk());
   ASSERT_THAT(*clocks, SizeIs(1));
   EXPECT_EQ(clocks->front().participant, ParticipantId(*participant));
@@ -78,7 +86,12 @@ TEST(Network, CountersCountADatagramForAClosedPort) {
   to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   EXPECT_EQ(::sendto(socket, "x", 1, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to), 1);
   ::close(socket);
-  const auto after = ReadUdpCounters();
+  auto after = ReadUdpCounters();
+  // on a busy machine the kernel takes it up later
+  for (const Stopwatch watch; after && after->to_closed_ports <= before->to_closed_ports && watch.Seconds() < 5;) {
+    WaitForStop(5ms);
+    after = ReadUdpCounters();
+  }
   ASSERT_THAT(after, IsOk());
   EXPECT_GT(after->sent, before->sent);
   EXPECT_GT(after->to_closed_ports, before->to_closed_ports);

@@ -579,14 +579,14 @@ TEST(DatesDeathTest, AProcessEndsWhenItsIdentityRunsOutMeanwhile) {
                                                                .roles = {Role::kWorker},
                                                                .grants = GrantsFor({Role::kWorker}, "short", {}, {}),
                                                                .not_before = Now() - 1,
-                                                               .not_after = Now() + 5});
+                                                               .not_after = Now() + 12});
         auto participant = Participant::Open({157, Profile(), issued.value_or(Path()).string()});
         const bool opened = participant.has_value();
         const Stopwatch watch;
         const bool stopped = WaitForStop(30s);
         const auto reason = ReasonOfStop();
         std::fputs(reason ? reason->message.c_str() : "nothing said", stderr);
-        ::_exit(opened && stopped && watch.Seconds() < 15 ? 0 : 1);
+        ::_exit(opened && stopped && watch.Seconds() < 25 ? 0 : 1);
       },
       ::testing::ExitedWithCode(0), "identity 'short' expires on");
 }

@@ -6,6 +6,7 @@
 //   FAKE_IDLE_TIMEOUT_MS=N  goes home after so long without work
 //   FAKE_SECURITY=DIR/NAME  its identity on a secured bus; its role is not looked at before
 //   FAKE_ADDRESS=NAME       where it reads its leases, so that a test can, too
+//   FAKE_SEES=N             looks for its campaign once it sees N of that name (or has waited 20 s)
 //   FAKE_LEAK_MB=N          keeps so much more memory with every attempt
 //   FAKE_ROOM_MB=N          may take so much more than it has once it has joined the bus (RLIMIT_AS)
 #include <sys/resource.h>
@@ -17,8 +18,11 @@
 #include <thread>
 #include <vector>
 
+#include "services/bus/directory.h"
 #include "services/campaign/worker_client.h"
+#include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/identity.h"
 #include "services/core/stop.h"
 #include "tests/services/campaign/fake_work.h"
 
@@ -54,6 +58,15 @@ class Leak {
   std::vector<std::unique_ptr<char[]>> kept_;
 };
 
+Status WaitUntilSeen(const bus::Participant& participant, const std::string& campaign, std::size_t count) {
+  ETUDE_ASSIGN_OR_RETURN(const auto selector, ParseSelector(campaign, "fake_worker"));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  const auto seen = [&] { return directory.Matching(bus::PresenceKind::kCampaign, selector).size(); };
+  for (const Stopwatch watch; seen() < count && watch.Seconds() < 20;)
+    if (WaitForStop(std::chrono::milliseconds(5))) break;
+  return {};
+}
+
 Status Work(int argc, char** argv) {
   campaign::WorkerOptions options;
   options.campaign = argc > 1 ? argv[1] : "";
@@ -70,6 +83,9 @@ Status Work(int argc, char** argv) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({.domain = domain,
                                                                          .security = Variable("FAKE_SECURITY"),
                                                                          .address = Variable("FAKE_ADDRESS")}));
+  if (const std::string sees = Variable("FAKE_SEES"); !sees.empty())
+    ETUDE_RETURN_IF_ERROR(
+        WaitUntilSeen(participant, options.campaign, static_cast<std::size_t>(std::atoi(sees.c_str()))));
   if (const std::string room = Variable("FAKE_ROOM_MB"); !room.empty())
     LimitMemory(static_cast<std::size_t>(std::atoi(room.c_str())));
   Leak leak(static_cast<std::size_t>(std::atoi(Variable("FAKE_LEAK_MB").c_str())));

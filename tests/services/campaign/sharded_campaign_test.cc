@@ -137,7 +137,7 @@ TEST_F(ShardedCampaign, AWorkerGoesToAnotherShardWhenItsCollectorEndsAndComesBac
 
 // else all would stay where they were when the others began
 TEST_F(ShardedCampaign, NowAndThenAWorkerGoesWhereChanceSendsIt) {
-  spec_.episodes = 60;
+  spec_.episodes = 300;  // more than are made until it has been at both
   const auto first = Start("a", {1, 2}), second = Start("b", {2, 2});
   ::setenv("FAKE_STAY_MS", "1", 1);
   Process worker = StartWorker(spec_.name);

