@@ -219,10 +219,7 @@ class Surgeon {
     const auto& records = source_.metadata.modules;
     if (std::ranges::none_of(records, [](const auto& record) { return record.second.trained_steps > 0; })) return;
     for (const ModuleConfig& module : config_.modules) {
-      // one that decodes nothing learns from its attention, where that is to be somewhere in the picture
-      const bool has_loss =
-          !module.decoder.quantity.empty() ||
-          std::ranges::any_of(module.attend, [](const std::string& key) { return key.starts_with("image@"); });
+      const bool has_loss = !module.decoder.quantity.empty() || policy::IsToldWhereToLook(module);
       if (!surgery_.copied.contains(module.name) || !has_loss) continue;
       const auto record = records.find(module.name);
       if (record == records.end() || record->second.trained_steps == 0) surgery_.untrained.insert(module.name);

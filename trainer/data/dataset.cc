@@ -48,16 +48,19 @@ void WarnOfSharedScenes(const std::vector<store::DatasetReader>& readers) {
   for (std::size_t second = 1; second < readers.size(); ++second)
     for (std::size_t first = 0; first < second; ++first) {
       const CampaignSpec &a = readers[first].spec(), &b = readers[second].spec();
-      if (a.seed != b.seed || SpecHash(a) == SpecHash(b)) continue;  // of one spec: CheckFolders
-      std::uint64_t leaked = 0;
-      for (std::uint64_t index = 0; index < std::min(a.episodes, b.episodes); ++index)
-        leaked += (SplitOf(a, index) == "train") != (SplitOf(b, index) == "train") ? 1 : 0;
-      if (leaked > 0)
+      const bool one_spec =
+          readers[first].spec_sha256() == readers[second].spec_sha256();  // CheckFolders looks at those
+      if (a.seed != b.seed || one_spec || ToJson(a.split) == ToJson(b.split)) continue;
+      std::uint64_t index = 0;
+      const std::uint64_t end = std::min(a.episodes, b.episodes);
+      while (index < end && (SplitOf(a, index) == "train") == (SplitOf(b, index) == "train")) ++index;
+      if (index < end)
         Log().warn(
-            "'{}' and '{}' have one seed, {}: scenes of one number are alike, and of {} numbers one is trained on "
-            "and the other is not; what is validated is better than it would be on new scenes. Collect one of "
+            "'{}' and '{}' have one seed, {}: scenes of one number are alike, and number {} is one that one "
+            "trains on and the other does not; what is validated is better than it would be on new scenes. Collect one "
+            "of "
             "them with another --seed",
-            readers[first].path().string(), readers[second].path().string(), a.seed, leaked);
+            readers[first].path().string(), readers[second].path().string(), a.seed, index);
     }
 }
 

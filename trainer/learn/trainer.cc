@@ -41,10 +41,7 @@ bool HadLoss(const policy::ModuleConfig& module, const BatchLoss& loss) {
   };
   if (nonzero(".attention") || nonzero(".decode")) return true;
   const bool decodes = !module.decoder.quantity.empty() && module.decoder.weight > 0;
-  const bool looks = module.attend_weight > 0 &&
-                     std::any_of(module.attend.begin(), module.attend.end(),
-                                 [](const std::string& item) { return !policy::AttendedEntity(item).empty(); });
-  return !decodes && !looks;
+  return !decodes && !policy::IsToldWhereToLook(module);
 }
 
 }  // namespace

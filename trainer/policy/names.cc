@@ -66,6 +66,11 @@ std::string AttendedEntity(const std::string& attend) {
   return attend.starts_with(kImage) ? attend.substr(kImage.size()) : "";
 }
 
+bool IsToldWhereToLook(const ModuleConfig& module) {
+  return module.attend_weight > 0 && std::any_of(module.attend.begin(), module.attend.end(),
+                                                 [](const auto& item) { return !AttendedEntity(item).empty(); });
+}
+
 std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config) {
   std::vector<data::LabelColumn> columns;
   const auto add = [&](const std::string& entity_text, const std::string& quantity_text) {

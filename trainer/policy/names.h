@@ -49,6 +49,8 @@ int FeatureWidth(const PolicyConfig& config, const DecoderInput& input, int join
 
 /// "target" of "image@target"; "" of anything else.
 std::string AttendedEntity(const std::string& attend);
+/// Whether a module learns where in the picture to look, whatever it decodes.
+bool IsToldWhereToLook(const ModuleConfig& module);
 
 /// The labels that the modules are trained on, each once. Rules live as long as the program.
 std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config);

@@ -345,12 +345,14 @@ std::uint64_t WantedRollouts(const sources::EvalView& view) {
 // An index whose attempts are used up has no row, and between two rollouts nothing is written for minutes: what their
 // collector left and says is looked at, too.
 std::string EvalState(Context& context, const sources::Found& found, const sources::EvalView& view) {
+  const auto asked = sources::UnsignedOf(view.report, "episodes").value_or(0);
+  const auto wanted = WantedRollouts(view);
+  if (asked > 0 && view.rows.size() >= wanted) return "finished";  // as most are: no other file is looked at
   CampaignState collected;
   if (const auto rollouts = OpenSource(context.sources.Dataset(RolloutsOf(context, found.id))))
     collected = StateOf(rollouts->view.get(), LiveOf(*context.live(), *rollouts->view));
-  const auto asked = sources::UnsignedOf(view.report, "episodes").value_or(0);
   // those that the expert cannot do (WantedRollouts) are used up, too
-  const auto without = std::max(collected.given_up, asked - WantedRollouts(view));
+  const auto without = std::max(collected.given_up, asked - wanted);
   if (asked > 0 && view.rows.size() + without >= asked) return "finished";
   return collected.live || IsFresh(std::max(view.updated, collected.updated)) ? "running" : "silent";
 }
