@@ -161,8 +161,8 @@ TEST(ResultsTable, SaysWhatTrainedAndHowLongWhereThatIsKnown) {
       .seed = 1, .made = "now", .report = Report(10, 9, 9), .training_s = 276, .train = 80, .valid = 20};
   const ResultReport old{.seed = 2, .made = "now", .report = Report(10, 9, 9)};
   EXPECT_THAT(ResultsTable({{&row, {known, old}}}),
-              HasSubstr("| UR5 | 80 + 20 validation | 1900 steps (took 4.6 min) |"));
-  EXPECT_THAT(ResultsTable({{&row, {old}}}), HasSubstr("| UR5 | 600 | 1900 steps |"));
+              HasSubstr("| UR5 `a` | 80 + 20 validation | 1900 steps (took 4.6 min) |"));
+  EXPECT_THAT(ResultsTable({{&row, {old}}}), HasSubstr("| UR5 `a` | 600 | 1900 steps |"));
 }
 
 TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
