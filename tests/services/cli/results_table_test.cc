@@ -235,7 +235,8 @@ TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
   const std::string odd = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
-  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |"));
+  EXPECT_THAT(odd,
+              HasSubstr("| UR5 `a` | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |"));
 }
 
 // 9 of 10 and 50 of 100: the mean of the two shares, 70 %, would lie outside the interval of the 110 rollouts.
@@ -244,7 +245,7 @@ TEST(ResultsTable, RolloutsCountAlikeSoThatTheShareLiesInItsInterval) {
   row.train = {.steps = 4000, .seeds = {1, 2}};
   row.paper.clear();
   const std::string table = ResultsTable({{&row, {{1, "now", Report(10, 9, 10)}, {2, "now", Report(100, 50, 100)}}}});
-  EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 4000 steps | scratch | 53.6 [44.4, 62.7] | 90.0, 50.0 |"));
+  EXPECT_THAT(table, HasSubstr("| UR5 `a` | 600 | 4000 steps | scratch | 53.6 [44.4, 62.7] | 90.0, 50.0 |"));
   EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  | compact | nominal, seed 1 | now |\n"));
 }
 
@@ -279,7 +280,8 @@ TEST(ResultsTable, NumbersThatAreNoneAreNotCounted) {
 TEST(ResultsTable, SaysWhereTheNumberOfDemonstrationsIsTheCampaigns) {
   ResultRow row = Row(0);
   row.data.episodes = 0;
-  EXPECT_THAT(ResultsTable({{&row, {{1, "now", Report(10, 9, 9)}}}}), HasSubstr("| UR5 | the campaign's | 10 min |"));
+  EXPECT_THAT(ResultsTable({{&row, {{1, "now", Report(10, 9, 9)}}}}),
+              HasSubstr("| UR5 `a` | the campaign's | 10 min |"));
 }
 
 TEST(ResultsTable, TasksStandInTheOrderInWhichTheyWereMeasured) {
