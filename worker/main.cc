@@ -204,10 +204,15 @@ Status Host(const Arguments& arguments) {
   std::vector<std::thread> threads;
   for (std::size_t k = 0; k < ended.size(); ++k) {
     options.name = fmt::format("{}-s{}", name, k);
-    threads.emplace_back([&, k, options] {
+    const auto work = [&, k, options] {
       ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, files, fingerprints); });
       if (!ended[k]) RequestStop();
-    });
+    };
+    const Status started = WithoutThrowing([&]() -> Status { return threads.emplace_back(work), Status(); });
+    if (started) continue;
+    ended[k] = Fail(started.error().Wrap(fmt::format("start slot {} of {}", k + 1, arguments.slots)));
+    RequestStop();
+    break;
   }
   for (auto& thread : threads) thread.join();
   for (const Status& status : ended)

@@ -23,10 +23,11 @@ namespace {
 
 using Clock = MonotonicClock;
 
-constexpr std::uint32_t kAckEvery = 8;     // chunks
-constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
-constexpr std::size_t kMostRefused = 200;  // a receiver whose owner does not ask for them is no leak
-constexpr int kMostBatches = 16;           // of manifests, to find one for a chunk
+constexpr std::uint32_t kAckEvery = 8;      // chunks
+constexpr std::size_t kMaxMissing = 1024;   // indices in one ack
+constexpr std::uint32_t kLeastChunk = 512;  // bytes, of a blob of several: what is kept beside each is a quarter of it
+constexpr std::size_t kMostRefused = 200;   // a receiver whose owner does not ask for them is no leak
+constexpr int kMostBatches = 16;            // of manifests, to find one for a chunk
 constexpr std::chrono::seconds kIdleLook{5};
 constexpr std::chrono::milliseconds kHostLook{10};  // whose readers are not found yet
 
@@ -38,6 +39,7 @@ bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) 
 
 bool ViewIsSound(const ManifestView& view) {
   return view.sha256.size() == 32 && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
+         (view.chunk_count <= 1 || view.chunk_size >= kLeastChunk) &&
          (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText &&
          IsPlainName(view.host);
 }

@@ -10,6 +10,7 @@
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/history.h"
+#include "services/campaign/process.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -176,8 +177,8 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   // before anything is committed, files may still be mended: what failed before is tried again
   const bool begun = !sink->committed().empty();
   if (!begun) {
-    ETUDE_RETURN_IF_ERROR(ForgetFailures(sink->folder()));
-    sink->ForgetFailures();
+    ETUDE_RETURN_IF_ERROR(sink->ForgetFailures());
+    ETUDE_RETURN_IF_ERROR(DropForgottenCount(sink->folder()));
   }
   const History history = ReadHistory(sink->folder(), spec);
   LeaseTable table = MakeTable(spec, *sink, history, options, epoch);
@@ -226,23 +227,26 @@ Status Collector::Run() {
   impl.Announce(impl.Complete());
   Log().info("campaign={}@{} episodes={} committed={} epoch={}{}", impl.spec.name, impl.id, progress().total,
              progress().committed, impl.epoch, impl.options.shard.whole() ? "" : " shard=" + impl.options.shard.text());
-  std::thread control([&impl] { impl.Guard("control", [&impl] { impl.Control(); }); });
-  std::thread indexer([&impl] { impl.Guard("index", [&impl] { impl.IndexNowAndThen(); }); });
+  std::thread control, indexer;
   std::vector<std::thread> committing;
-  for (std::size_t i = 0; i < impl.CommitThreads(); ++i)
-    committing.emplace_back([&impl] { impl.Guard("commit", [&impl] { impl.CommitLoop(); }); });
+  impl.Guard("starting threads", [&] {  // of which the system may have no more
+    control = std::thread([&impl] { impl.Guard("control", [&impl] { impl.Control(); }); });
+    indexer = std::thread([&impl] { impl.Guard("index", [&impl] { impl.IndexNowAndThen(); }); });
+    for (std::size_t i = 0; i < impl.CommitThreads(); ++i)
+      committing.emplace_back([&impl] { impl.Guard("commit", [&impl] { impl.CommitLoop(); }); });
+  });
 
   impl.Guard("receiving", [&impl] { impl.ReceiveUntilOver(); });
   impl.Close();
   for (auto& thread : committing) thread.join();
-  indexer.join();
+  if (indexer.joinable()) indexer.join();
   Status indexed;
   impl.Guard("index", [&] {
     impl.WriteWishedKeys();
     indexed = impl.WriteLastIndex();
   });
   impl.finished.store(true);
-  control.join();
+  if (control.joinable()) control.join();
   const auto ended_by = impl.EndedBy();
   // one that failed stops itself: nobody wished it
   const bool stopped = !ended_by && impl.Stopping() && !impl.Complete();
@@ -274,12 +278,16 @@ std::vector<std::string> Collector::TakeSilent() {
   return std::exchange(impl_->silent, {});
 }
 
-void Collector::Revoke(const std::string& worker) {
-  const MutexLock lock(impl_->mutex);
-  impl_->table.Revoke(worker);
-  impl_->rechecks.Revoke(worker);
-  impl_->heard.erase(worker);
-  impl_->motions.erase(worker);
+void Collector::Revoke(const std::string& worker, int exit_code) {
+  std::vector<Impl::Deadly> deadly;
+  {
+    const MutexLock lock(impl_->mutex);
+    if (auto failed = impl_->Revoke(worker, Crashed(exit_code), HowItEnded(exit_code)))
+      deadly.push_back(std::move(*failed));
+    impl_->heard.erase(worker);
+    impl_->motions.erase(worker);
+  }
+  impl_->Record(deadly);
 }
 
 }  // namespace etude::campaign

@@ -45,7 +45,7 @@ struct CollectorOptions {
   std::chrono::milliseconds away{60'000};
   int unfit_budget = 3;  ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
-  std::uint64_t max_in_flight = 1024;                  ///< leases worked on at once; as many may wait
+  std::uint64_t max_in_flight = 16'384;                ///< leases worked on at once; as many may wait
   std::size_t commit_threads = 0;                      ///< 0: as many as cores, at most 4
   /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a
   /// stalled or full disk costs no more memory than this.
@@ -109,8 +109,9 @@ class Collector {
   /// Workers whose leases were taken since the last call: they did not beat, or beat and did not move for
   /// the spec's stall_timeout_s. Whoever started them should end them and start others.
   std::vector<std::string> TakeSilent();
-  /// The caller knows that `worker` is dead (it was its child): its lease is revoked and free at once.
-  void Revoke(const std::string& worker);
+  /// The caller knows that `worker` is dead (it was its child), and its exit code (Process::Poll): its lease is revoked
+  /// and free at once. An attempt that has crashed several workers has failed.
+  void Revoke(const std::string& worker, int exit_code);
 
  private:
   struct Impl;

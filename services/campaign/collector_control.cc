@@ -64,7 +64,7 @@ void Collector::Impl::TakeMessages() {
     for (auto& request : topics.requests.Take()) asked.push_back(std::move(request));
     for (const auto& report : topics.reports.Take()) OnReport(report);
   }
-  EndSilent();
+  Record(EndSilent());
   for (const auto& message : topics.errors.Take()) OnErrors(message);
   bool controlled = false;
   for (const auto& control : topics.controls.Take()) controlled = OnControl(control) || controlled;
@@ -75,35 +75,76 @@ void Collector::Impl::TakeMessages() {
 
 // Leases of those who say nothing, and of those who say that they live and do not move: a planner that never ends, a
 // simulation that hangs, while the thread that beats goes on.
-void Collector::Impl::EndSilent() {
+std::vector<Collector::Impl::Deadly> Collector::Impl::EndSilent() {
   constexpr std::size_t kMostRemembered = 1000;
   const MutexLock lock(mutex);
   const Time now = MonotonicClock::now();
   const std::size_t before = silent.size();
   if (const int lost = table.Expire(now, &silent)) Log().warn("leases expired without a word count={}", lost);
   rechecks.Expire(now, &silent);
-  for (auto& [worker, motion] : motions) EndIfStill(worker, motion, now);
+  std::vector<Deadly> deadly;
+  for (auto& [worker, motion] : motions)
+    if (auto failed = EndIfStill(worker, motion, now)) deadly.push_back(std::move(*failed));
   for (std::size_t k = before; k < silent.size(); ++k) motions.erase(silent[k]);
   if (silent.size() > kMostRemembered) silent.erase(silent.begin(), silent.end() - kMostRemembered);
+  return deadly;
 }
 
-void Collector::Impl::EndIfStill(const std::string& worker, Motion& motion, Time now) {
+std::optional<Collector::Impl::Deadly> Collector::Impl::EndIfStill(const std::string& worker, Motion& motion,
+                                                                   Time now) {
   // a rollout stands still while its policy's server starts, for a minute at most (services/policy/client.h)
   constexpr double kWaitsForPolicy_s = 75;
   const std::chrono::duration<double> patience(
       spec.mode == "rollout" ? std::max(spec.stall_timeout_s, kWaitsForPolicy_s) : spec.stall_timeout_s);
   // what is sent may wait for our own disk; what never comes through is no work either
   const bool for_our_disk = motion.phase == "send" && (!disk_errors.empty() || !committing.empty());
-  if (motion.mark == 0 || for_our_disk || now - motion.since < patience) return;
+  if (motion.mark == 0 || for_our_disk || now - motion.since < patience) return std::nullopt;
   motion.since = now;
-  // not its lease any more
-  if (!table.Renew(motion.index, motion.mark, now) && !rechecks.Renew(motion.mark, worker, now)) return;
+  const bool leased = table.Renew(motion.index, motion.mark, now);
+  if (!leased && !rechecks.Renew(motion.mark, worker, now)) return std::nullopt;  // not its lease any more
   Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
              motion.index, motion.stage, motion.step, patience.count());
-  table.Revoke(worker);
-  rechecks.Revoke(worker);
   ++counters.failures["stalled"];
   silent.push_back(worker);
+  // what a rollout waits for is elsewhere
+  return Revoke(worker, leased && spec.mode != "rollout",
+                fmt::format("a worker that did not move for {} s in stage '{}'", patience.count(), motion.stage));
+}
+
+// What is returned has failed: whoever has let go of the mutex records it.
+std::optional<Collector::Impl::Deadly> Collector::Impl::Revoke(const std::string& worker, bool by_attempt,
+                                                               const std::string& how) {
+  // an episode that is on its way, or on its way to the disk, is made: what it waits for is elsewhere
+  const auto motion = motions.find(worker);
+  const bool made = (motion != motions.end() && motion->second.phase == "send") ||
+                    std::ranges::any_of(committing, [&](const auto& item) ETUDE_REQUIRES(mutex) {
+                      return table.WentTo(item.first, worker);
+                    });
+  const auto failed = table.Revoke(worker, by_attempt && !made);
+  rechecks.Revoke(worker);
+  if (!failed) return std::nullopt;
+  CountKilled();
+  return Deadly{failed->index, failed->attempt, how};
+}
+
+void Collector::Impl::CountKilled() {
+  ++counters.failures[kKillsWorkers];
+  ++failed_attempts;
+}
+
+void Collector::Impl::Record(const std::vector<Deadly>& deadly) {
+  for (const auto& [index, attempt, how] : deadly) {
+    Log().error("attempt {} of index {} ended worker after worker and has failed; the last one: {}", attempt, index,
+                how);
+    Record(index, attempt, kKillsWorkers, JsonText(OrderedJson{{"reason", how}, {"t", WallSeconds()}}));
+  }
+}
+
+void Collector::Impl::Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
+                             const std::string& details) {
+  if (const Status recorded = sink->RecordFailure(index, attempt, outcome, details); !recorded)
+    return Log().warn("cannot record a failed attempt index={}: {}", index, recorded.error().message);
+  index_dirty = true;
 }
 
 // A worker whose episodes never fit is no use here, and would be leased the same work for ever.
@@ -287,7 +328,7 @@ void Collector::Impl::HearAgain(const std::string& worker) {
 void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
   // any bytes may stand there, and it becomes a key of JSON
-  const std::string outcome = IsPlainName(report.outcome) ? report.outcome : "unnamed";
+  std::string outcome = IsPlainName(report.outcome) ? report.outcome : "unnamed";
   if (OnReportAgain(report, outcome)) return;
   {
     const MutexLock lock(mutex);
@@ -298,21 +339,21 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
       return;
     }
     HearAgain(report.worker);
-    if (report.outcome == kReleased) return OnReleased(report);
-    ++counters.failures[outcome];
-    table.Fail(report.index, RetryOf(spec, outcome));
-    if (outcome == kPolicyError) {
-      OnPolicyError(report);
+    if (report.outcome == kReleased) {
+      if (!OnReleased(report)) return;
+      outcome = kKillsWorkers;
     } else {
-      ++failed_attempts;
-      policy_away_since.reset();
+      ++counters.failures[outcome];
+      table.Fail(report.index, RetryOf(spec, outcome));
+      if (outcome == kPolicyError) {
+        OnPolicyError(report);
+      } else {
+        ++failed_attempts;
+        policy_away_since.reset();
+      }
     }
   }
-  const Status recorded = sink->RecordFailure(report.index, report.attempt, outcome, DetailsOf(report));
-  if (recorded)
-    index_dirty = true;
-  else
-    Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);
+  Record(report.index, report.attempt, outcome, DetailsOf(report));
 }
 
 void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
@@ -335,15 +376,26 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   if (!motion.SameAs(status)) motion = {status.index, status.token, status.phase, status.stage, status.step, now};
 }
 
-// A host whose child was lost says so: counted by name, not against the attempt, and the index yields to others.
-void Collector::Impl::OnReleased(const bus::AttemptReport& report) {
+// A host whose child was lost says so: counted by name, not against the attempt, and the index yields to others; unless
+// it was the attempt that ended it, and others before. True when it has failed.
+bool Collector::Impl::OnReleased(const bus::AttemptReport& report) {
   const auto details = ParseBoundedJson(report.details_json, 4).value_or(OrderedJson());
   const bool said = details.is_object() && details.contains("reason") && details["reason"].is_string();
   const std::string reason = said ? details["reason"].get<std::string>() : "";
-  if (reason != kChildCrashed && reason != kChildHung) return table.Release(report.index);
+  if (reason != kChildCrashed && reason != kChildHung) {
+    table.Release(report.index);
+    return false;
+  }
   ++counters.failures[reason];
-  Log().warn("a worker lost its child worker={} index={}: {}", report.worker, report.index, details.dump());
-  table.Fail(report.index, LeaseTable::Retry::kSameAttempt);
+  Log().warn("a worker lost its child worker={} index={}: {}", report.worker, report.index, JsonText(details));
+  const bool by_attempt = details.contains(kByAttempt) && details[kByAttempt] == true;
+  if (!by_attempt) {
+    table.Fail(report.index, LeaseTable::Retry::kSameAttempt);
+    return false;
+  }
+  if (!table.CountDeath(report.index)) return false;
+  CountKilled();
+  return true;
 }
 
 // The policy's absence is no attempt at the scene. Rollouts wait for it, with words, and none is given up; after a

@@ -99,7 +99,12 @@ struct Collector::Impl {
     }
   };
   std::map<std::string, Motion> motions ETUDE_GUARDED_BY(mutex);  // of workers that hold a lease
-  std::vector<std::string> silent ETUDE_GUARDED_BY(mutex);        // for TakeSilent
+  struct Deadly {  // an attempt that has failed because it ended workers, and is not on disk yet
+    std::uint64_t index = 0;
+    std::uint32_t attempt = 0;
+    std::string how;  // it ended the last one
+  };
+  std::vector<std::string> silent ETUDE_GUARDED_BY(mutex);  // for TakeSilent
   struct Unfit {
     int in_a_row = 0;
     std::string reason;  // of the last one
@@ -158,9 +163,15 @@ struct Collector::Impl {
   void HearAgain(const std::string& worker) ETUDE_REQUIRES(mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
-  void EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
-  void EndSilent() ETUDE_EXCLUDES(mutex);
-  void OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  std::optional<Deadly> EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
+  std::vector<Deadly> EndSilent() ETUDE_EXCLUDES(mutex);
+  bool OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  std::optional<Deadly> Revoke(const std::string& worker, bool by_attempt, const std::string& how)
+      ETUDE_REQUIRES(mutex);
+  void CountKilled() ETUDE_REQUIRES(mutex);
+  void Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome, const std::string& details)
+      ETUDE_EXCLUDES(mutex);
+  void Record(const std::vector<Deadly>& deadly) ETUDE_EXCLUDES(mutex);
   void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
   std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
   bool OnControl(const bus::CampaignControl& control);

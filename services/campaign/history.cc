@@ -21,7 +21,7 @@ namespace {
 
 // How the last collector ended, where it could say so.
 constexpr const char* kEnded = "ended";
-// Lines of attempts.jsonl, as text, that do not count: those before the last ForgetFailures.
+// How many of the first lines of attempts.jsonl do not count, as text: of an older program (DropForgottenCount).
 constexpr const char* kForgotten = "forgotten_attempts";
 
 Path CollectorFile(const Path& folder) { return folder / "collector.json"; }
@@ -98,10 +98,8 @@ Status RememberStop(const Path& folder) { return Remember(folder, kEnded, "stopp
 
 bool KnownStopped(const Path& folder) { return Known(folder, kEnded) == "stopped"; }
 
-Status ForgetFailures(const Path& folder) {
-  std::uint64_t lines = 0;
-  store::ForEachAttempt(folder, [&](const store::AttemptLine&) { ++lines; });
-  return lines == 0 ? Status() : Remember(folder, kForgotten, std::to_string(lines));
+Status DropForgottenCount(const Path& folder) {
+  return Known(folder, kForgotten) ? Remember(folder, kForgotten, "0") : Status();
 }
 
 Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism) {

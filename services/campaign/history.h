@@ -42,9 +42,9 @@ Status RememberShard(const Path& folder, const std::string& shard);
 Status RememberStop(const Path& folder);
 bool KnownStopped(const Path& folder);
 
-/// No attempt that has failed in `folder` counts any more: there is no episode yet, and the files that the attempts
-/// were made of may have been mended since. Their lines stay. Durable when it returns. @error as RememberFiles
-Status ForgetFailures(const Path& folder);
+/// An older program let the lines of failures stand that count no more, and kept their number (now they are set aside,
+/// store::DatasetWriter::ForgetFailures). Call it once the file has begun anew. @error as RememberFiles
+Status DropForgottenCount(const Path& folder);
 
 /// Whether the collectors of these folders, shards of one campaign, took episodes of hosts that agree: each compared
 /// its workers with its own first one. Folders that know of none are passed over.
@@ -66,8 +66,8 @@ struct History {
 
 /// attempts.jsonl. Lines that are torn or not understood are skipped: the attempt is made again.
 /// A line that stands twice (a crash between recording and leasing) counts once, unless the same attempt
-/// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures. Lines before
-/// the last ForgetFailures do not count.
+/// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures. Lines that
+/// an older program took for forgotten do not count.
 History ReadHistory(const Path& folder, const CampaignSpec& spec);
 
 /// What follows from a failed attempt of this outcome.

@@ -255,13 +255,30 @@ void LeaseTable::Fail(std::uint64_t index, Retry retry) {
     return Free(index, entry);
   }
   ++entry.failures;
-  if (retry == Retry::kNextAttempt) ++entry.attempt;
+  if (retry == Retry::kNextAttempt) {  // which nobody has had yet
+    ++entry.attempt;
+    entry.deaths = 0;
+  }
   if (entry.failures >= config_.max_attempts || retry == Retry::kNever) {
     Close(index, entry);
     ++given_up_;
   } else {
     Free(index, entry);
   }
+}
+
+// One after the other of those that end workers: where only such are left, each comes to its end before whoever starts
+// workers loses hope.
+bool LeaseTable::CountDeath(std::uint64_t index) {
+  Entry& entry = EntryOf(index);
+  if (!entry.revoked) ++entry.deaths;  // else it was counted when its lease was taken
+  const bool failed = entry.deaths >= config_.max_deaths;
+  if (!failed) {
+    free_.erase({entry.losses, index});
+    entry.losses = 0;
+  }
+  Fail(index, failed ? Retry::kNextAttempt : Retry::kSameAttempt);
+  return failed;
 }
 
 void LeaseTable::Release(std::uint64_t index) {
@@ -272,15 +289,26 @@ void LeaseTable::Release(std::uint64_t index) {
   Free(index, entry);
 }
 
-void LeaseTable::Revoke(const std::string& worker) {
+std::optional<LeaseTable::Failed> LeaseTable::Revoke(const std::string& worker, bool by_attempt) {
   const auto held = held_.find(worker);
-  if (held == held_.end()) return;
+  if (held == held_.end()) return std::nullopt;
+  std::optional<Failed> failed;
   const std::vector<std::uint64_t> indices = held->second;  // those below take themselves out
   for (const std::uint64_t index : indices) {
     Entry& entry = EntryOf(index);
+    if (by_attempt && !entry.ahead) {
+      entry.losses = 0;  // as in CountDeath
+      if (++entry.deaths >= config_.max_deaths) {
+        ++lost_;
+        failed = {index, entry.attempt};
+        Fail(index, Retry::kNextAttempt);
+        continue;
+      }
+    }
     entry.revoked = true;
     Lose(index, entry);
   }
+  return failed;
 }
 
 }  // namespace etude::campaign

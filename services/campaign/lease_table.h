@@ -36,10 +36,11 @@ std::uint64_t MarkOf(std::uint64_t token);
 std::uint64_t SystemRandom();
 
 struct LeaseTableConfig {
-  std::uint64_t total = 0;                                      ///< indices 0 .. total-1 ...
-  Shard shard;                                                  ///< ... of which only this one's are leased
-  std::uint32_t max_attempts = 10;                              ///< failed attempts per index; then it is given up
-  std::uint64_t max_in_flight = 1024;                           ///< leases worked on at once; as many may wait
+  std::uint64_t total = 0;               ///< indices 0 .. total-1 ...
+  Shard shard;                           ///< ... of which only this one's are leased
+  std::uint32_t max_attempts = 10;       ///< failed attempts per index; then it is given up
+  std::uint32_t max_deaths = 3;          ///< of workers by one attempt; then it has failed itself
+  std::uint64_t max_in_flight = 16'384;  ///< leases worked on at once; as many may wait
   std::chrono::nanoseconds duration{std::chrono::seconds(10)};  ///< without renewal
   std::uint64_t epoch = 1;  ///< the first bits of every token; grows with each start of the collector
   std::function<std::uint64_t()> random = nullptr;  ///< for the other bits; none: the system's source
@@ -104,10 +105,19 @@ class LeaseTable {
   /// it up when max_attempts have failed, or at once when it can never succeed. kSameAttempt: not the attempt's failure
   /// but its worker's, or the policy's; nothing is counted, and the index yields to others.
   void Fail(std::uint64_t index, Retry retry);
+  /// The attempt with the current token ended who worked on it, by a crash or a hang of its own and not from outside.
+  /// It is a function of (spec, index, attempt) and may do so to every worker: max_deaths times, and it has failed.
+  /// @returns whether it has
+  bool CountDeath(std::uint64_t index);
   /// The holder of the current token gives the work back undone: free again, nothing is counted.
   void Release(std::uint64_t index);
+  struct Failed {
+    std::uint64_t index = 0;
+    std::uint32_t attempt = 0;
+  };
   /// The worker is known to be dead: its lease ends, and counts as a loss; one that waited is free again.
-  void Revoke(const std::string& worker);
+  /// @param by_attempt  what it worked on ended it (CountDeath)    @returns that attempt, when it has failed
+  std::optional<Failed> Revoke(const std::string& worker, bool by_attempt = false);
 
   /// One after the largest index that was ever leased or restored: of the ones from here on nobody knows anything.
   std::uint64_t frontier() const { return frontier_; }
@@ -126,6 +136,7 @@ class LeaseTable {
     std::uint32_t attempt = 0;
     std::uint32_t failures = 0;
     std::uint32_t losses = 0;  ///< leases that expired; such an index yields to others
+    std::uint32_t deaths = 0;  ///< workers that this attempt ended
     std::uint64_t token = 0;   ///< newest, 0: none or ended (SetToken)
     std::uint64_t mark = 0;    ///< MarkOf(token)
     bool live = false;         ///< leased now

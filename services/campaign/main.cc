@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
   app.add_option("--set", arguments.spec.overrides, "KEY=VALUE of the campaign, e.g. camera.width=84")
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
-      ->check(CLI::Range(0.5, 3600.0));
+      ->check(CLI::Range(1.0, 3600.0));  // heartbeats come twice a second
   app.add_option("--away", arguments.away_s,
                  "seconds to stay when all is done, for workers of the last minute that are not to be heard")
       ->check(CLI::Range(0.0, 3600.0))

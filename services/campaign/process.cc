@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <iterator>
 #include <thread>
@@ -188,6 +189,11 @@ std::string HowItEnded(int exit_code) {
   const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
   if (!name) return fmt::format("exit code {}", exit_code);
   return fmt::format("signal SIG{} ({})", name, ::sigdescr_np(signal_number));
+}
+
+bool Crashed(int exit_code) {
+  constexpr std::array kFaults{SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGTRAP};
+  return std::ranges::find(kFaults, exit_code - 128) != kFaults.end();
 }
 
 int HopelessDeaths(int children) { return std::max(6, 3 * children); }

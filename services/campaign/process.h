@@ -58,6 +58,8 @@ class Process {
 
 /// An exit code of Process for people: "signal SIGSEGV (Segmentation fault)", "exit code 1".
 std::string HowItEnded(int exit_code);
+/// Whether a process with this exit code was ended by a fault of its own: SIGSEGV, SIGABRT and the like.
+bool Crashed(int exit_code);
 /// Deaths of `children` of a kind without one result after which it is given up to start them again.
 int HopelessDeaths(int children);
 

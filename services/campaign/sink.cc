@@ -32,7 +32,7 @@ class DatasetSink : public EpisodeSink {
                        const std::string& details_json) override {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
-  void ForgetFailures() override { writer_.ForgetFailures(); }
+  Status ForgetFailures() override { return writer_.ForgetFailures(); }
   Status WriteIndex() override { return writer_.WriteMaster(); }
   Status WriteProgress() override { return writer_.WriteProgress(); }
   Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
@@ -117,12 +117,12 @@ class EvalSink : public EpisodeSink {
     }
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
-  void ForgetFailures() override {
+  Status ForgetFailures() override {
     {
       const MutexLock lock(mutex_);
       scenes_ = SceneReport();
     }
-    writer_.ForgetFailures();
+    return writer_.ForgetFailures();
   }
   Status WriteIndex() override {
     ETUDE_RETURN_IF_ERROR(WriteReport());

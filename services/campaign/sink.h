@@ -34,8 +34,8 @@ class EpisodeSink {
   virtual std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) = 0;
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
-  /// Failures until now are tried again, and recorded anew where they come back.
-  virtual void ForgetFailures() {}
+  /// As store::DatasetWriter::ForgetFailures: what failed until now is tried again.
+  virtual Status ForgetFailures() { return {}; }
   /// Rewrites what is derived (master file, statistics). At the end.
   virtual Status WriteIndex() = 0;
   /// As much of it as costs the same however much there is; now and then.

@@ -108,6 +108,10 @@ inline constexpr char kReleased[] = "released";
 /// "reason" in the details of a kReleased report: the host's child that worked on it is no more.
 inline constexpr char kChildCrashed[] = "child_crashed";
 inline constexpr char kChildHung[] = "child_hung";
+/// true in them: not from outside (SIGKILL), so that the attempt itself may have done it.
+inline constexpr char kByAttempt[] = "by_attempt";
+/// Outcome of an attempt that ended so many workers (LeaseTableConfig::max_deaths): the next one is made instead.
+inline constexpr char kKillsWorkers[] = "kills_workers";
 /// What the collector counts when an episode does not fit what was leased; the same attempt is tried again.
 inline constexpr char kUnfitEpisode[] = "unfit_episode";
 /// Outcome of a rollout whose policy did not answer; the same attempt is tried again.

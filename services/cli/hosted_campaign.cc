@@ -44,14 +44,15 @@ Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Partici
   hosted->host_ = std::make_unique<Host>(std::move(collector));
   if (options.workers < 1 || before.complete) return hosted;
   campaign::Collector& running = hosted->host_->collector;
-  ETUDE_ASSIGN_OR_RETURN(auto pool,
-                         WorkerPool::Start({.workers = options.workers,
-                                            .campaign = spec.name + "@" + running.id(),
-                                            .bus = options.bus,
-                                            .logs = options.logs,
-                                            .on_end = [&running](const std::string& name) { running.Revoke(name); },
-                                            .committed = [&running] { return running.progress().committed; },
-                                            .silent = [&running] { return running.TakeSilent(); }}));
+  ETUDE_ASSIGN_OR_RETURN(
+      auto pool, WorkerPool::Start(
+                     {.workers = options.workers,
+                      .campaign = spec.name + "@" + running.id(),
+                      .bus = options.bus,
+                      .logs = options.logs,
+                      .on_end = [&running](const std::string& name, int exit_code) { running.Revoke(name, exit_code); },
+                      .done = [&running] { return running.progress().attempts; },
+                      .silent = [&running] { return running.TakeSilent(); }}));
   hosted->pool_.emplace(std::move(pool));
   return hosted;
 }

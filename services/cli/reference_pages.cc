@@ -5,6 +5,7 @@
 #include <map>
 #include <sstream>
 
+#include "services/campaign/worker_client.h"
 #include "services/cli/all_commands.h"
 #include "services/cli/reference.h"
 
@@ -118,6 +119,10 @@ std::string FailuresPage(const OrderedJson& outcomes) {
       "shows it.\n\n| outcome | meaning |\n|---|---|\n";
   for (const auto& row : outcomes)
     page += fmt::format("| `{}` | {} |\n", row["outcome"].get<std::string>(), Cell(row["meaning"].get<std::string>()));
+  page += fmt::format(
+      "| `{}` | the collector's word: it crashed or hung three workers, one after the other, and the next "
+      "attempt is made instead |\n",
+      campaign::kKillsWorkers);
   return page;
 }
 

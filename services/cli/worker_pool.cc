@@ -50,7 +50,7 @@ Result<WorkerPool> WorkerPool::Start(const WorkerPoolOptions& options) {
   if (pool.program_.empty()) {
     ETUDE_ASSIGN_OR_RETURN(pool.program_, campaign::FindSibling("etude-worker"));
   }
-  pool.committed_ = options.committed ? options.committed() : 0;
+  pool.done_ = options.done ? options.done() : 0;
   pool.slots_.resize(static_cast<std::size_t>(options.workers));
   for (std::size_t k = 0; k < pool.slots_.size(); ++k) ETUDE_RETURN_IF_ERROR(pool.StartSlot(k));
   return pool;
@@ -73,12 +73,20 @@ Status WorkerPool::StartSlot(std::size_t k) {
 
 Path WorkerPool::LogOf(std::size_t k) const { return options_.logs / fmt::format("worker-{}.log", k); }
 
+// One more death, of whichever worker.
+bool WorkerPool::IsHopeless() {
+  const std::uint64_t done = options_.done ? options_.done() : 0;
+  deaths_ = done == done_ ? deaths_ + 1 : 1;
+  done_ = done;
+  return deaths_ >= campaign::HopelessDeaths(options_.workers);
+}
+
 Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
   Slot& slot = slots_[k];
   const auto now = MonotonicClock::now();
   const auto life = now - slot.started;
   slot.process.reset();
-  if (options_.on_end) options_.on_end(slot.name);
+  if (options_.on_end) options_.on_end(slot.name, exit_code);
   const auto start_again = [&](MonotonicClock::duration at_least) {
     slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
     slot.start_again = now + std::max(at_least, BackOff(slot.deaths));
@@ -97,17 +105,27 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
     return {};
   }
   slot.unable = false;
-  const std::uint64_t committed = options_.committed ? options_.committed() : 0;
-  deaths_ = committed == committed_ ? deaths_ + 1 : 1;
-  committed_ = committed;
-  if (deaths_ >= campaign::HopelessDeaths(options_.workers))
+  if (IsHopeless())
     return Fail(Code::kUnavailable,
-                fmt::format("workers died {} times without one episode committed meanwhile; the last one ended by {} "
+                fmt::format("workers died {} times without one attempt finished meanwhile; the last one ended by {} "
                             "after {:.1f} s. Its last words, from {}:{}",
                             deaths_, campaign::HowItEnded(exit_code), std::chrono::duration<double>(life).count(),
                             LogOf(k).string(), LogTail(LogOf(k))));
   start_again(0s);
   Log().warn("worker={} ended by {}", slot.name, campaign::HowItEnded(exit_code));
+  return {};
+}
+
+// No memory, no process, no descriptor: it may pass, as what a worker itself meets may (OnEnd).
+Status WorkerPool::StartAgain(std::size_t k) {
+  const Status started = StartSlot(k);
+  if (started) return {};
+  if (started.error().code != Code::kUnavailable) return started;
+  if (IsHopeless())
+    return Fail(started.error().Wrap(
+        fmt::format("workers died or could not be started {} times without one attempt finished meanwhile", deaths_)));
+  Log().warn("worker={} cannot be started now: {}", slots_[k].name, started.error().message);
+  slots_[k].start_again = MonotonicClock::now() + kAtOnce;
   return {};
 }
 
@@ -133,7 +151,7 @@ Status WorkerPool::Supervise() {
     } else if (MonotonicClock::now() >= slot.start_again) {
       ++restarts_;
       Log().info("worker={} is started again", slot.name);
-      ETUDE_RETURN_IF_ERROR(StartSlot(k));
+      ETUDE_RETURN_IF_ERROR(StartAgain(k));
     }
   }
   const bool unable = std::all_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.unable; });
@@ -145,10 +163,11 @@ Status WorkerPool::Supervise() {
 
 void WorkerPool::NoteEnds() {
   for (auto& slot : slots_) {
-    if (!slot.process || !slot.process->Poll()) continue;
+    const auto exit_code = slot.process ? slot.process->Poll() : std::nullopt;
+    if (!exit_code) continue;
     slot.process.reset();
     slot.finished = true;
-    if (options_.on_end) options_.on_end(slot.name);
+    if (options_.on_end) options_.on_end(slot.name, *exit_code);
   }
 }
 

@@ -19,10 +19,10 @@ struct WorkerPoolOptions {
   std::string campaign;  ///< NAME@ID
   BusArguments bus;
   Path logs;  ///< LOGS/worker-0.log, ...
-  /// Told the bus name of a worker that has ended, so that its lease is free at once.
-  std::function<void(const std::string&)> on_end;
-  /// Episodes committed so far: workers that die are started again for as long as this grows.
-  std::function<std::uint64_t()> committed;
+  /// Told the bus name of a worker that has ended, and its exit code, so that its lease is free at once.
+  std::function<void(const std::string&, int)> on_end;
+  /// Episodes committed and attempts failed so far: workers that die are started again for as long as this grows.
+  std::function<std::uint64_t()> done;
   /// Workers that lost their leases because they were silent or did not move: they are ended and started again.
   std::function<std::vector<std::string>()> silent = nullptr;
   Path program;  ///< empty: the sibling etude-worker
@@ -35,7 +35,7 @@ class WorkerPool {
 
   /// Call a few times a second, while there is work: restarts what died, and what was told to end.
   /// @error kUnavailable when the machine cannot run workers: all ended with exit code 3 at once, or
-  /// campaign::HopelessDeaths died without one episode committed meanwhile; the message says how the last one ended,
+  /// campaign::HopelessDeaths died without one attempt finished meanwhile; the message says how the last one ended,
   /// with its log's last lines.
   Status Supervise();
   /// In its place where nothing is left to do: what ended is told to `on_end`, and not started again.
@@ -56,6 +56,8 @@ class WorkerPool {
 
   explicit WorkerPool(WorkerPoolOptions options) : options_(std::move(options)) {}
   Status StartSlot(std::size_t k);
+  Status StartAgain(std::size_t k);
+  bool IsHopeless();
   Status OnEnd(std::size_t k, int exit_code);
   void EndSilent();
   Path LogOf(std::size_t k) const;
@@ -64,8 +66,8 @@ class WorkerPool {
   Path program_;
   std::vector<Slot> slots_;
   int restarts_ = 0;
-  int deaths_ = 0;               // of all workers, since the last commit
-  std::uint64_t committed_ = 0;  // when it was looked at last
+  int deaths_ = 0;          // of all workers, since the last attempt was finished
+  std::uint64_t done_ = 0;  // when it was looked at last
 };
 
 /// On one host: the participants of a DDS domain on a machine are bounded, to 120 by deploy/dds/local.xml, and the

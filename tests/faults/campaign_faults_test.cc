@@ -132,7 +132,7 @@ TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
                                       .bus = {},
                                       .logs = run.folder() / "logs",
                                       .on_end = nullptr,
-                                      .committed = [&] { return run.Committed(); },
+                                      .done = [&] { return run.Committed(); },
                                       .program = program});
   ASSERT_TRUE(pool) << pool.error().message;
   Status status;

@@ -88,7 +88,8 @@ Slot::Loss Slot::End(const char* reason, const std::string& why) {
     exit_code = process_->Wait(5s);
   }
   ReadWords();
-  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? campaign::HowItEnded(*exit_code) : why};
+  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? campaign::HowItEnded(*exit_code) : why,
+            by_itself ? campaign::Crashed(*exit_code) : reason == std::string_view(campaign::kChildHung)};
   process_.reset();
   Forget();
   return loss;
@@ -164,7 +165,15 @@ Status Slot::CountDeath(const Loss& loss) {
 Status Slot::Begin(const campaign::JoinedCampaign& joined) {
   joined_ = joined;
   while (true) {
-    if (!process_) ETUDE_RETURN_IF_ERROR(Start());
+    if (!process_) {
+      if (const Status started = Start(); !started) {  // no memory, no process, no descriptor: it may pass
+        Forget();
+        if (started.error().code != Code::kUnavailable) return started;
+        ETUDE_RETURN_IF_ERROR(CountDeath({campaign::kChildCrashed, started.error().message}));
+        if (WaitForStop(2s)) return {};
+        continue;
+      }
+    }
     Result<Frame> answer = Fail(Code::kInternal, "");
     const Status sent = channel_->Send(FrameKind::kCampaign, CampaignHead(*joined_));
     const auto loss = sent ? Await(FrameKind::kReady, nullptr, {}, answer)
@@ -183,8 +192,10 @@ Status Slot::Begin(const campaign::JoinedCampaign& joined) {
 Result<campaign::WorkResult> Slot::Release(const Loss& loss) {
   ETUDE_RETURN_IF_ERROR(CountDeath(loss));
   campaign::WorkResult result{.outcome = campaign::kReleased};
-  result.details_json =
-      JsonText(OrderedJson{{"reason", loss.reason}, {"ended_by", loss.ended_by}, {"last_words", last_words_}});
+  result.details_json = JsonText(OrderedJson{{"reason", loss.reason},
+                                             {campaign::kByAttempt, loss.by_attempt},
+                                             {"ended_by", loss.ended_by},
+                                             {"last_words", last_words_}});
   return result;
 }
 

@@ -37,7 +37,8 @@ class Slot {
   /// @error of the child's factory; kUnavailable: children die (see Do)
   Status Begin(const campaign::JoinedCampaign& joined);
   /// One attempt. A child that dies or hangs meanwhile gives a result of outcome kReleased with details
-  /// {"reason": "child_crashed" | "child_hung", "ended_by", "last_words"}: the same attempt is anybody's again.
+  /// {"reason": "child_crashed" | "child_hung", "by_attempt", "ended_by", "last_words"}: the same attempt is anybody's
+  /// again.
   /// A stop request ends the child and releases the attempt, too.
   /// @param ask  answers a rollout's questions; may be empty in mode demonstrate
   /// @error of the child's work function; kUnavailable: `hopeless` children died since the last result
@@ -49,6 +50,7 @@ class Slot {
  private:
   struct Loss {  // of a child
     std::string reason, ended_by;
+    bool by_attempt = false;  // it crashed or hung by itself
   };
   Status Start();
   std::optional<Loss> Await(FrameKind wanted, const campaign::WorkItem* item, const policy::AskFunction& ask,

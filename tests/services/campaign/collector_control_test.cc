@@ -2,6 +2,7 @@
 // Tests services/campaign/collector_control.cc: who is leased what, what reports and heartbeats do, and who is refused.
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
+#include "services/core/file.h"
 #include "tests/services/campaign/collector_fixture.h"
 
 namespace etude::campaign {
@@ -60,6 +62,26 @@ TEST_F(CollectorControl, OnlyReportsOfThisCampaignAndSpecCount) {
   worker.Report(lease, running->id(), SpecHash(spec));
   EXPECT_NE(worker.Ask().token, lease.token);
   EXPECT_EQ(running->progress().failures.at("plan_failed"), 1u);
+}
+
+// The next attempt is made instead of one that crashed three children, and a collector that is started again knows it.
+TEST_F(CollectorControl, AnAttemptThatCrashesWorkersHasFailed) {
+  const CampaignSpec spec = Spec("deadly", 1);
+  {
+    Running running(std::move(*Open(spec, folder_ / "data")));
+    RawWorker worker(*participant_, spec, running->id(), "worker");
+    for (int death = 1; death <= 3; ++death) {
+      const bus::Lease lease = worker.Ask();
+      ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+      EXPECT_EQ(lease.attempt, 0u) << "death " << death;
+      worker.Report(lease, running->id(), SpecHash(spec), kReleased,
+                    R"({"reason": "child_crashed", "by_attempt": true, "ended_by": "signal SIGSEGV"})");
+    }
+    EXPECT_EQ(worker.Ask().attempt, 1u);
+    EXPECT_EQ(running->progress().failures.at(kKillsWorkers), 1u);
+    EXPECT_EQ(running->progress().failures.at(kChildCrashed), 3u);
+  }
+  EXPECT_THAT(ReadTextFile(folder_ / "data/attempts.jsonl").value(), testing::HasSubstr("SIGSEGV"));
 }
 
 // More of them than an index has attempts.
@@ -267,6 +289,7 @@ TEST_F(CollectorControl, FilesThatWereMendedBeforeTheFirstEpisodeBeginAnew) {
   EXPECT_EQ(lease.attempt, 0u);
   EXPECT_EQ(worker.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
   EXPECT_TRUE(running->progress().failures.empty());
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "data/attempts.1.jsonl")) << "what failed before, for people";
 }
 
 TEST_F(CollectorControl, HostsWhoseBytesDifferFromTheFirstOnesAreRefusedUnlessTheCampaignAllowsThem) {

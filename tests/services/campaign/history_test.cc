@@ -120,16 +120,15 @@ not json
   EXPECT_EQ(history.failures.at("dropped"), 1u);
 }
 
-TEST(ReadHistory, DoesNotCountWhatWasForgotten) {
+TEST(ReadHistory, DoesNotCountWhatAnOlderProgramForgot) {
   TemporaryFolder folder;
-  ASSERT_TRUE(ForgetFailures(folder.path())) << "nothing has failed: nothing to remember";
-  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
+  ASSERT_TRUE(
+      WriteFileAtomically(folder / "collector.json", std::string_view(R"({"epoch": 1, "forgotten_attempts": "2"})")));
   std::string lines = R"({"index": 3, "attempt": 0, "outcome": "plan_failed"})"
                       "\nnot json\n"
                       R"({"index": 3, "attempt": 1, "outcome": "plan_failed"})"
                       "\n";
   ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
-  ASSERT_TRUE(ForgetFailures(folder.path()));
   EXPECT_TRUE(ReadHistory(folder.path(), {}).indices.empty());
   EXPECT_EQ(ReadHistory(folder.path(), {}).total, 0u);
 
@@ -137,7 +136,11 @@ TEST(ReadHistory, DoesNotCountWhatWasForgotten) {
            "\n";
   ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
   EXPECT_EQ(ReadHistory(folder.path(), {}).indices.at(3).next_attempt, 1u) << "the same attempt, made again";
+
+  ASSERT_TRUE(DropForgottenCount(folder.path()));
+  EXPECT_EQ(ReadHistory(folder.path(), {}).indices.at(3).failures, 2u) << "of a file that began anew all count";
   EXPECT_EQ(LastEpoch(folder.path()).value(), 1u);
+  EXPECT_TRUE(DropForgottenCount(folder / "none")) << "nothing to drop";
 }
 
 TEST(ReadHistory, ARolloutWithoutASceneIsNeverTriedAgain) {

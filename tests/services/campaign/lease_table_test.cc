@@ -273,6 +273,55 @@ TEST(LeaseTable, WhatWaitedForADeadWorkerIsFreeAndCountsNothing) {
   EXPECT_EQ(table.Request("last", Time{}).index, first.index) << "what lost its worker comes behind";
 }
 
+// An attempt is a function of its numbers: what crashed three workers would crash the next one, too.
+TEST(LeaseTable, AnAttemptThatEndsWorkersHasFailedItself) {
+  auto config = Config(2);
+  config.max_deaths = 3;
+  LeaseTable table(config);
+  const Assignment other = table.Request("other", Time{});
+  std::uint64_t index = 0;
+  for (int death = 1; death <= 3; ++death) {
+    const Assignment deadly = table.Request("w", Time{});
+    EXPECT_EQ(deadly.attempt, 0u);
+    index = deadly.index;
+    if (death == 2) {  // a host says so; the others are seen to be dead
+      EXPECT_FALSE(table.CountDeath(index));
+    } else {
+      const auto failed = table.Revoke("w", true);
+      ASSERT_EQ(failed.has_value(), death == 3);
+      EXPECT_EQ(failed ? failed->index : index, index);
+    }
+  }
+  EXPECT_EQ(table.lost(), 2u) << "of the third a host had told";
+  const Assignment next = table.Request("w", Time{});
+  EXPECT_EQ(next.index, index);
+  EXPECT_EQ(next.attempt, 1u);
+  for (int k = 0; k < 9; ++k) {  // killed from outside: nothing is counted against it
+    table.Revoke("w");
+    EXPECT_EQ(table.Request("w", Time{}).attempt, 1u);
+  }
+  EXPECT_EQ(table.Check(other.index, 0, other.token), LeaseValidity::kCurrent);
+}
+
+// The collector saw that it did not move, and its host saw that too.
+TEST(LeaseTable, AWorkerThatIsLostTwiceDiesOnce) {
+  LeaseTable table(Config(1));
+  for (int death = 1; death <= 2; ++death) {
+    const Assignment deadly = table.Request("w", Time{});
+    EXPECT_FALSE(table.Revoke("w", true));
+    EXPECT_FALSE(table.CountDeath(deadly.index)) << "death " << death;
+  }
+  table.Request("w", Time{});
+  EXPECT_TRUE(table.Revoke("w", true));
+}
+
+TEST(LeaseTable, OfSeveralThatEndWorkersOneComesToItsEndAfterTheOther) {
+  LeaseTable table(Config(3));
+  int deaths = 0;
+  while (!table.CountDeath(table.Request("w", Time{}).index)) ++deaths;
+  EXPECT_EQ(deaths, 4) << "each once, and then the first again and again";
+}
+
 TEST(LeaseTable, WhatWasBegunIsLostLikeAnyOther) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("w", Time{});

@@ -18,18 +18,18 @@ using testing::HasSubstr;
 class DyingWorkers : public testing::Test {
  protected:
   // Two that run this.
-  Result<WorkerPool> StartTwo(const std::string& script, const std::function<std::uint64_t()>& committed = nullptr) {
+  Result<WorkerPool> StartTwo(const std::string& script, const std::function<std::uint64_t()>& done = nullptr) {
     return WorkerPool::Start({.workers = 2,
                               .campaign = "demo@aaaa",
                               .bus = {},
                               .logs = folder_ / "logs",
-                              .on_end = [this](const std::string&) { ++ended_; },
-                              .committed = committed,
+                              .on_end = [this](const std::string&, int) { ++ended_; },
+                              .done = done,
                               .program = WriteProgram(folder_ / "worker", script)});
   }
   // Supervises until it is given up.
-  Error RunUntilGivenUp(const std::string& script, const std::function<std::uint64_t()>& committed) {
-    auto pool = StartTwo(script, committed);
+  Error RunUntilGivenUp(const std::string& script, const std::function<std::uint64_t()>& done) {
+    auto pool = StartTwo(script, done);
     EXPECT_TRUE(pool);
     const Stopwatch watch;
     Status status;
@@ -78,8 +78,8 @@ TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
                                  .campaign = "demo@aaaa",
                                  .bus = {},
                                  .logs = folder_ / "logs",
-                                 .on_end = [this](const std::string&) { ++ended_; },
-                                 .committed = [] { return std::uint64_t{0}; },
+                                 .on_end = [this](const std::string&, int) { ++ended_; },
+                                 .done = [] { return std::uint64_t{0}; },
                                  .silent =
                                      [&] {
                                        std::vector<std::string> names{"another-host-w0"};
@@ -111,7 +111,7 @@ TEST(WorkerPool, StopLetsWorkersDrain) {
                                  .bus = {},
                                  .logs = folder / "logs",
                                  .on_end = nullptr,
-                                 .committed = nullptr,
+                                 .done = nullptr,
                                  .program = program});
   ASSERT_TRUE(pool) << pool.error().message;
   const auto said = [&](int k) {

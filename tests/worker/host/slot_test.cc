@@ -33,7 +33,7 @@ class SlotTest : public testing::Test {
                     });
   }
   // The first try is lost for `reason`, the second one, by another child, is as if nothing had been.
-  void ExpectReplaced(std::uint64_t index, const char* reason, const char* ended_by) {
+  void ExpectReplaced(std::uint64_t index, const char* reason, const char* ended_by, bool by_attempt = true) {
     const auto before = slot_.pid();
     const auto lost = Do(index);
     ASSERT_TRUE(lost) << lost.error().message;
@@ -41,6 +41,7 @@ class SlotTest : public testing::Test {
     EXPECT_TRUE(lost->episode.empty());
     const auto details = OrderedJson::parse(lost->details_json);
     EXPECT_EQ(details["reason"], reason);
+    EXPECT_EQ(details[campaign::kByAttempt], by_attempt);
     EXPECT_THAT(details["ended_by"].get<std::string>(), HasSubstr(ended_by));
     last_words_ = details["last_words"].get<std::string>();
     const auto made = Do(index);
@@ -80,7 +81,7 @@ TEST_F(SlotTest, ReplacesAChildThatHangs) {
 
 TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campaign::kChildHung, "without progress"); }
 
-TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame"); }
+TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame", false); }
 
 class TaskFileTest : public SlotTest {
  protected:
