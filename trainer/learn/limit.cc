@@ -57,14 +57,15 @@ bool RunLimit::Measure(std::uint64_t step, double elapsed_s, bool whole) {
 // By the steps since the last time. What was done before it is past a change of speed, too.
 bool RunLimit::LookAgain(std::uint64_t step, double elapsed_s) {
   if (asked_minutes_ <= 0 || looks_ >= kLooks.size() || Progress(step, elapsed_s) < kLooks[looks_]) return false;
+  if (step < anchor_step_ + kMeasuredSteps) return false;  // it is due, and waits
   while (looks_ < kLooks.size() && Progress(step, elapsed_s) >= kLooks[looks_]) ++looks_;
-  if (step <= anchor_step_) return false;
   const std::uint64_t steps = StepsLike(anchor_step_, anchor_s_, step, elapsed_s);
   const auto now = static_cast<double>(steps_);
   if (std::abs(static_cast<double>(steps) - now) <= kSameSteps * now) return false;
   const std::uint64_t before = steps_;
   Convert(step, Progress(step, elapsed_s), steps);
   anchor_s_ = elapsed_s;
+  steps_before_ = before;
   return steps_ != before;
 }
 
@@ -80,7 +81,8 @@ OrderedJson RunLimit::Save() const {
           {"anchor_step", anchor_step_},
           {"anchor_progress", anchor_progress_},
           {"anchor_s", anchor_s_},
-          {"looks", looks_}};
+          {"looks", looks_},
+          {"steps_before", steps_before_}};
 }
 
 Status RunLimit::Restore(const OrderedJson& saved) {
@@ -95,12 +97,13 @@ Status RunLimit::Restore(const OrderedJson& saved) {
     other.asked_steps_ = saved.value("asked_steps", std::uint64_t{0});
     other.anchor_s_ = saved.value("anchor_s", 0.0);
     other.looks_ = saved.value("looks", kLooks.size());
+    other.steps_before_ = saved.value("steps_before", std::uint64_t{0});
   } catch (const nlohmann::json::exception& error) {
     return Fail(Code::kCorrupt, fmt::format("limit of the run: {}", error.what()));
   }
   const bool same_bound = !saved.contains("asked_steps") || asked_steps_ == other.asked_steps_;
   const bool same_minutes = minutes_ > 0 && minutes_ == other.asked_minutes_ && same_bound;
-  const bool same_steps = minutes_ == 0 && steps_ == other.steps_;
+  const bool same_steps = minutes_ == 0 && steps_ > 0 && (steps_ == other.steps_ || steps_ == other.steps_before_);
   if (other.minutes_ == 0 && (same_minutes || same_steps)) *this = other;
   return {};
 }

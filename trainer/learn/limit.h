@@ -14,7 +14,8 @@
 
 namespace etude::learn {
 
-/// Steps are measured over this many at first.
+/// Steps are measured over this many at first, and over as many or more at each look: of few, a checkpoint or a
+/// validation beside them is most of the time.
 inline constexpr std::uint64_t kMeasuredSteps = 200;
 /// Of the run's progress: where what minutes have become is measured again.
 inline constexpr std::array kLooks{0.25, 0.5, 0.75};
@@ -59,7 +60,8 @@ class RunLimit {
   std::uint64_t anchor_step_ = 0;
   double anchor_progress_ = 0;
   double anchor_s_ = 0;
-  std::size_t looks_ = 0;  // at what the minutes are by now
+  std::size_t looks_ = 0;           // at what the minutes are by now
+  std::uint64_t steps_before_ = 0;  // the last look changed them: config.yaml may still say these
   // first of the steps that are measured
   bool measuring_ = false;
   std::uint64_t first_step_ = 0;

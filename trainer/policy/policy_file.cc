@@ -51,7 +51,9 @@ Result<OrderedJson> ReadExtended(const std::string& name, const std::vector<Path
 Result<Path> FindExperiments(const std::string& share, const Path& executable) {
   std::error_code ignored;
   if (!share.empty()) {
-    if (fs::is_directory(Path(share) / "experiments", ignored)) return Path(share) / "experiments";
+    // of a source tree it is deploy/, beside which trainer/ lies
+    for (const char* name : {"experiments", "../trainer/experiments"})
+      if (const Path folder = (Path(share) / name).lexically_normal(); fs::is_directory(folder, ignored)) return folder;
     return Fail(Code::kNotFound, fmt::format("ETUDE_SHARE is '{}', which has no folder 'experiments'", share));
   }
   for (Path folder = fs::absolute(executable, ignored).parent_path();; folder = folder.parent_path()) {

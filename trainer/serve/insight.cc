@@ -91,6 +91,7 @@ void InsightDesk::Show(const Offered& offered) {
     }
   }
   for (const auto& wish : due) {
+    if (stop_) return;  // whoever ends this answers no robot meanwhile
     bus::Insight insight = offered.model->Inspect(offered.observation, wish.what_if_json);
     insight.viewer = wish.viewer;
     if (const Status written = writer_.Write(insight); !written)
@@ -110,7 +111,10 @@ void InsightDesk::Work() {
       if (pending_.empty() && !stop_) offered_.WaitFor(mutex_, kLook);
       pending.swap(pending_);
     }
-    for (const auto& [session, offered] : pending) Show(offered);
+    for (const auto& [session, offered] : pending) {
+      if (stop_) break;
+      Show(offered);
+    }
   }
 }
 

@@ -50,6 +50,21 @@ Result<torch::Tensor> SeenFrom(const bus::Observation& observation) {
   return torch::tensor(std::vector<float>(viewpoint.begin(), viewpoint.end())).view({1, kViewpointSize});
 }
 
+// The pictures of training have square pixels, and the camera's axis in their middle (services/policy/conversion.h):
+// who does not read the camera takes every picture for such a one.
+Status CheckCentred(const bus::Observation& observation) {
+  constexpr double kNear = 0.01;
+  const auto& k = observation.intrinsics;
+  if (k.size() != 4) return {};
+  const double cx = 0.5 * observation.width, cy = 0.5 * observation.height;
+  const auto near = [](double a, double b) { return std::abs(a - b) <= kNear * std::abs(b); };  // false for NaN
+  if (near(k[0], k[1]) && near(k[2], cx) && near(k[3], cy)) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("this policy was trained for something else (camera intrinsics: fx {:.4g}, fy {:.4g}, centre "
+                          "({:.4g}, {:.4g}) here; fx = fy, centre ({:.4g}, {:.4g}) there)",
+                          k[0], k[1], k[2], k[3], cx, cy));
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes, clip::Folders* folders,
@@ -88,6 +103,8 @@ Result<policy::Inputs> Model::Prepare(const bus::Observation& observation) const
   if (const auto differences = checkpoint::Differences(Seen(observation), metadata_.embodiment); !differences.empty())
     return Fail(Code::kInvalidArgument,
                 fmt::format("this policy was trained for something else ({})", fmt::join(differences, "; ")));
+  if (metadata_.embodiment.fovy > 0 && !policy::ReadsCamera(metadata_.policy))
+    ETUDE_RETURN_IF_ERROR(CheckCentred(observation));
   if (static_cast<int>(observation.joints.size()) != metadata_.embodiment.joints)
     return Fail(Code::kInvalidArgument,
                 fmt::format("{} joints: this policy reads {}", observation.joints.size(), metadata_.embodiment.joints));

@@ -192,8 +192,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
                stays ? fmt::format("step {} serves on", kept->metadata().step)
                      : "observations are answered with this refusal");
     if (stays) return;
-  } else if (const bus::Action trial = stays ? fresh->Answer(fresh->Trial()) : bus::Action();
-             trial.refusal == bus::Refusal::kFailed) {
+  } else if (const bus::Action trial = stays ? fresh->Answer(fresh->Trial()) : bus::Action(); !trial.error.empty()) {
     ++refused;
     NoteRefusal(fmt::format("{} of step {}: {}", kOfCheckpoint, metadata.step, trial.error));
     Log().warn("refused a checkpoint run={}@{} step={}: {}; step {} serves on", options.run.name, run_id, metadata.step,

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+
 namespace etude::learn {
 namespace limit_test {
 
@@ -64,6 +66,33 @@ TEST(RunLimit, KeepsTheMinutesOnAMachineThatGetsSlowerOrFaster) {
   EXPECT_LT(SecondsOf(0.07, RunLimit(3000, 10)), 0.5 * 600) << "the steps that were asked for stay the most";
 }
 
+// What is done beside a step (a checkpoint, a validation) is not taken for the time of each that follows.
+TEST(RunLimit, IsNotBentByOneLongStep) {
+  RunLimit limit(0, 10);
+  double elapsed = 0;
+  bool converted = false;
+  for (std::uint64_t step = 0; limit.Progress(step, elapsed) < 1; ++step, elapsed += 1) {
+    if (limit.Observe(step, elapsed, true) && !std::exchange(converted, true)) elapsed += 5;  // what is kept then
+    if (converted) {
+      ASSERT_NEAR(static_cast<double>(limit.steps()), 600, 15) << "at step " << step;
+    }
+  }
+  EXPECT_TRUE(converted);
+}
+
+// A kill between state and config.yaml leaves the steps of before in the latter.
+TEST(RunLimit, GoesOnWhereConfigurationSaysTheStepsOfBeforeTheLook) {
+  RunLimit limit(0, 10);
+  std::uint64_t step = 0;
+  for (; !limit.Observe(step, static_cast<double>(step), true); ++step) {
+  }
+  const std::uint64_t before = limit.steps();
+  for (; limit.steps() == before; ++step) limit.Observe(step, 2.0 * static_cast<double>(step), true);
+  RunLimit resumed(before, 0);
+  ASSERT_TRUE(resumed.Restore(limit.Save()));
+  EXPECT_EQ(resumed.Save(), limit.Save());
+}
+
 TEST(RunLimit, OfAnEarlierProgramStaysAsItWasConverted) {
   RunLimit limit(600, 0);
   ASSERT_TRUE(limit.Restore(
@@ -89,7 +118,7 @@ TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
   EXPECT_EQ(by_steps.Progress(300, 1e9), first.Progress(300, 0));
 
   RunLimit uninterrupted = first;
-  for (auto* limit : {&uninterrupted, &by_steps}) EXPECT_TRUE(limit->Observe(300, 400, true)) << "slower by now";
+  for (auto* limit : {&uninterrupted, &by_steps}) EXPECT_TRUE(limit->Observe(400, 500, true)) << "slower by now";
   EXPECT_EQ(by_steps.Save(), uninterrupted.Save());
 
   RunLimit longer(0, 20);  // another limit is another one

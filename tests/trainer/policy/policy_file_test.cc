@@ -99,7 +99,8 @@ TEST(FindExperiments, LooksAboveTheProgram) {
 
   EXPECT_EQ(FindExperiments("", folder / "build/x/bin/etude-trainer").value(), folder / "trainer/experiments");
   EXPECT_EQ(FindExperiments((folder / "trainer").string(), "/x").value(), folder / "trainer/experiments");
-  EXPECT_EQ(FindExperiments((folder / "build").string(), "/x").error().code, Code::kNotFound);
+  EXPECT_EQ(FindExperiments((folder / "deploy").string(), "/x").value(), folder / "trainer/experiments");
+  EXPECT_EQ(FindExperiments((folder / "build/x").string(), "/x").error().code, Code::kNotFound);
 }
 
 }  // namespace policy_file_test

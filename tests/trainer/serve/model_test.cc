@@ -127,6 +127,9 @@ TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
               HasSubstr("camera width: 20 here, 48 there"));
   EXPECT_THAT(error([](auto& o) { o.robot = "panda"; }), HasSubstr("robot: panda here, ur5 there"));
   EXPECT_THAT(error([](auto& o) { o.intrinsics = {20, 20, 24, 24}; }), HasSubstr("camera fovy"));
+  // a camera of another make: the middle of the picture is elsewhere, or its pixels are no squares
+  EXPECT_THAT(error([](auto& o) { o.intrinsics = {43.93171, 43.93171, 20, 24}; }), HasSubstr("centre (20, 24) here"));
+  EXPECT_THAT(error([](auto& o) { o.intrinsics = {50, 43.93171, 24, 24}; }), HasSubstr("fx 50, fy 43.93"));
   EXPECT_THAT(error([](auto& o) { o.camera_pose = {1.5, 0, 0.8, 1, 0, 0, 0}; }), HasSubstr("camera pose"));
   EXPECT_THAT(error([](auto& o) { o.width = 0xffffffffu; }), HasSubstr("bytes"));
 }
