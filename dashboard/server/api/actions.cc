@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <set>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
@@ -41,8 +43,8 @@ const std::vector<ActionHelp>& Known() {
        {{"run", true, "run id"},
         {"file", true, "checkpoint"},
         {"scenes", false,
-         "campaign that comes along (GET /play/sessions lists them), whose robot, tasks, objects and camera to use; "
-         "default: pick, push and put_down with the UR5"},
+         "campaign that comes along (GET /play/sessions lists them), whose robot, tasks, objects and camera to use, or "
+         "default: pick, push and put_down with the UR5; left out: those of the run's dataset, else default"},
         {"episodes", false, "rollouts, 1 to 10,000; 40"},
         {"seed", false, "of the scenes, as text; 9001"}}},
       {"replay",
@@ -79,7 +81,7 @@ struct ActionCommand {
   std::string once = {};                ///< as Jobs::Request has them
   std::function<void(bool)> finish = nullptr;
   bool there = false;       ///< what it would make
-  std::string scenes = {};  ///< of rollouts: a campaign's name, or default; "": there are none
+  std::string scenes = {};  ///< of rollouts: Scenes::name; "": there are none
 
   void AddFlags(const std::vector<std::string>& flags) {
     arguments.insert(arguments.end(), flags.begin(), flags.end());
@@ -143,25 +145,54 @@ std::string Misfit(const sources::CheckpointHeader& checkpoint, const CampaignSp
   return "";
 }
 
-// The campaign file that is asked for; "": the scenes that `etude eval` has without one. The policy would refuse every
-// question in scenes of another robot or camera: that is said now, and not after an hour.
-Result<Path> ScenesFor(const Path& checkpoint, const OrderedJson& body) {
-  Path file;
+constexpr const char* kDefaultScenes = "default";
+
+// What rollouts are made in.
+struct Scenes {
+  Path file;                          ///< a campaign's, or a dataset's folder; "": those of `etude eval` without one
+  std::string name = kDefaultScenes;  ///< the campaign's, or the folder's
+};
+
+// Those of the dataset that a run was trained on, which the hash of its spec in the run's state tells
+// (trainer/learn/run_state.h). nullopt: it was several, or one that lies below none of the folders given.
+std::optional<Scenes> ScenesOfTraining(Context& context, const Path& run) {
+  constexpr std::size_t kMostLooked = 40;
+  const auto state = sources::ReadCheckpointHeader(run, "training_state.safetensors");
+  if (!state || !state->metadata.contains("run")) return std::nullopt;
+  const OrderedJson said = ParseBoundedJson(state->metadata.at("run")).value_or(OrderedJson());
+  std::set<std::string> hashes;  // the shards of one campaign have the same
+  for (const auto& hash : sources::PartOf(said, "datasets"))
+    if (hash.is_string()) hashes.insert(hash.get<std::string>());
+  if (hashes.size() != 1) return std::nullopt;
+  for (const auto& found : context.sources.catalog().Demonstrations(kMostLooked)) {
+    const auto dataset = OpenDataset(context, found.id);
+    if (dataset && hashes.contains(dataset->view->info.spec_sha256)) return Scenes{found.folder, found.name};
+  }
+  return std::nullopt;
+}
+
+// Those that are asked for, else those of the training, else those that `etude eval` has without any. The policy would
+// refuse every question in scenes of another robot or camera: that is said now, and not after an hour.
+Result<Scenes> ScenesFor(Context& context, const Path& checkpoint, const OrderedJson& body) {
+  const bool asked = body.contains("scenes");
+  if (!asked)
+    if (auto own = ScenesOfTraining(context, checkpoint.parent_path().parent_path())) return std::move(*own);
+  Scenes scenes;
   CampaignSpec spec;
-  if (body.contains("scenes")) {
-    auto shipped = ShippedCampaign(TextOf(body, "scenes"));
+  if (const std::string name = TextOf(body, "scenes"); asked && name != kDefaultScenes) {
+    auto shipped = ShippedCampaign(name);
     if (!shipped) return Fail(Code::kInvalidArgument, "scenes: " + shipped.error().message);
-    file = std::move(*shipped);
-    ETUDE_ASSIGN_OR_RETURN(spec, campaign::LoadSpec({file.string(), {}, {}, {}}));
+    scenes = {std::move(*shipped), name};
+    ETUDE_ASSIGN_OR_RETURN(spec, campaign::LoadSpec({scenes.file.string(), {}, {}, {}}));
   }
   ETUDE_ASSIGN_OR_RETURN(const auto header,
                          sources::ReadCheckpointHeader(checkpoint.parent_path(), checkpoint.filename().string()));
   const std::string misfit = Misfit(header, spec);
-  if (misfit.empty()) return file;
+  if (misfit.empty()) return scenes;
   return Fail(Code::kInvalidArgument,
               fmt::format("scenes: the checkpoint does not fit {}: {}; give scenes of its kind, one of {}, or on the "
                           "command line etude eval --scenes FILE",
-                          file.empty() ? "those of etude eval without any" : file.stem().string(), misfit,
+                          scenes.file.empty() ? "those of etude eval without any" : scenes.name, misfit,
                           fmt::join(ShippedCampaigns(), ", ")));
 }
 
@@ -172,10 +203,10 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const auto chosen, SeedIn(body));
   const std::string seed = std::to_string(chosen.value_or(9001));
   if (episodes < 1 || episodes > 10'000) return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000");
-  ETUDE_ASSIGN_OR_RETURN(const Path scenes, ScenesFor(checkpoint, body));
+  ETUDE_ASSIGN_OR_RETURN(const Scenes scenes, ScenesFor(context, checkpoint, body));
   const Path folder = checkpoint.parent_path().parent_path();
   const std::string name =
-      fmt::format("eval-{}-{}{}", checkpoint.stem().string(), seed, scenes.empty() ? "" : "-" + scenes.stem().string());
+      fmt::format("eval-{}-{}{}", checkpoint.stem().string(), seed, scenes.file.empty() ? "" : "-" + scenes.name);
   // beside the run, unless that is out of the folders that this gateway was given
   const Path out = IsGiven(context, folder.parent_path())
                        ? folder.parent_path() / fmt::format("{}-{}", folder.filename().string(), name)
@@ -183,8 +214,8 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed",
                          seed, "--out", EvaluationFolder(out, folder).string()},
                         Weight::kHeavy};
-  if (!scenes.empty()) command.AddFlags({"--scenes", scenes.string()});
-  command.scenes = scenes.empty() ? "default" : scenes.stem().string();
+  if (!scenes.file.empty()) command.AddFlags({"--scenes", scenes.file.string()});
+  command.scenes = scenes.name;
   command.AddFlags(context.bus_flags(security::Role::kCollector));
   return command;
 }

@@ -256,6 +256,7 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
     state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
   if (state.state != "finished" && state.state != "stopped" && state.state != "failed" && state.state != "running")
     state.state = "silent";
+  if (state.state != "running") state.eta_s.reset();  // nobody brings the end any nearer
   return state;
 }
 

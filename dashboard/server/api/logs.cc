@@ -10,6 +10,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <ranges>
 #include <string_view>
 
 #include "dashboard/server/api/context.h"
@@ -26,9 +27,9 @@ constexpr std::array<const char*, 4> kLevels{"debug", "info", "warn", "error"};
 
 struct Line {
   std::string source, time, level, text;
-  std::optional<double> written;  // seconds since 1970, where it says the day, too
-  double order = 0;               // seconds since 1970 that it is sorted by
-  int rank = 1;                   // of its level, or of the one that it belongs to
+  std::optional<double> at;  // seconds since 1970, where it says a time; until Date, where it says the day, too
+  double order = 0;          // seconds since 1970 that it is sorted by
+  int rank = 1;              // of its level, or of the one that it belongs to
   std::uint64_t offset = 0, end = 0;
 };
 
@@ -42,12 +43,12 @@ bool UnderstandJson(Line& line) {
   if (!line.text.starts_with('{')) return false;
   const OrderedJson json = ParseBoundedJson(line.text, 4).value_or(OrderedJson());
   const std::string level = sources::TextOf(json, "level"), text = sources::TextOf(json, "text");
-  line.written = sources::ParseTime(sources::TextOf(json, "time"));
-  if (RankOf(level) < 0 || !line.written || text.empty()) {
-    line.written.reset();
+  line.at = sources::ParseTime(sources::TextOf(json, "time"));
+  if (RankOf(level) < 0 || !line.at || text.empty()) {
+    line.at.reset();
     return false;
   }
-  const auto whole = static_cast<std::time_t>(*line.written);
+  const auto whole = static_cast<std::time_t>(*line.at);
   std::tm parts{};
   ::localtime_r(&whole, &parts);
   line.time = fmt::format("{:02}:{:02}:{:02}", parts.tm_hour, parts.tm_min, parts.tm_sec);
@@ -95,11 +96,12 @@ std::optional<double> LastTimeAt(const std::string& time_of_day, double latest) 
 // the one before it; a file that has no times counts as of its last change.
 // @param latest  of the last line: the file's last change, or what the page before said
 void Date(std::vector<Line>& lines, double latest) {
-  std::vector<std::optional<double>> times(lines.size());
-  for (std::size_t i = lines.size(); i-- > 0;)
-    if ((times[i] = lines[i].written ? lines[i].written : LastTimeAt(lines[i].time, latest))) latest = *times[i];
+  for (Line& line : std::views::reverse(lines)) {
+    if (!line.at) line.at = LastTimeAt(line.time, latest);
+    latest = line.at.value_or(latest);
+  }
   double order = latest;  // the first time that there is: lines before it have none
-  for (std::size_t i = 0; i < lines.size(); ++i) lines[i].order = order = std::max(order, times[i].value_or(order));
+  for (Line& line : lines) line.order = order = std::max(order, line.at.value_or(order));
 }
 
 // A line without a level is of the one before it, as the rest of an error is; of none at the begin of a window, and
@@ -257,6 +259,7 @@ OrderedJson LineJson(const Line& line) {
   return {{"source", line.source},
           {"n", line.offset},
           {"t", sources::TextOrNull(line.time)},
+          {"at", sources::TimeJson(line.at)},
           {"level", sources::TextOrNull(line.level)},
           {"text", line.text}};
 }

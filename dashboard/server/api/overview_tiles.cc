@@ -236,8 +236,8 @@ OrderedJson Events(const Overview& all) {
           fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
           fmt::format("{}&index={}", GenerationLink(all, id, campaign), attempt.report.index));
     }
-  for (const auto& [event] : *all.live->events)
-    add(static_cast<double>(event.time_ms) / 1000, event.level == "error" ? "error" : "warn",
+  for (const auto& [event, order_ms] : *all.live->events)
+    add(static_cast<double>(order_ms) / 1000, event.level == "error" ? "error" : "warn",
         fmt::format("{} on {}: {}", event.role, event.host, event.text), "/logs");
   std::ranges::stable_sort(events, std::greater<>(), [](const auto& event) { return event.first; });
   OrderedJson json = OrderedJson::array();

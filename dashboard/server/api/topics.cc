@@ -68,7 +68,8 @@ Result<OrderedJson> EventsJson(Context& context, const http::Query& query) {
   const auto live = context.live();
   OrderedJson rows = OrderedJson::array();
   std::size_t total = 0;
-  for (const auto& [event] : *live->events) {
+  for (const auto& item : *live->events) {
+    const bus::ProcessEvent& event = item.event;
     if (level == "error" && event.level != "error") continue;
     if (!text.empty() && (event.text + event.role + event.host + event.code).find(text) == std::string::npos) continue;
     if (++total <= static_cast<std::size_t>(limit)) rows.push_back(EventJson(event));

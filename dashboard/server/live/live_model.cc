@@ -212,15 +212,18 @@ void LiveModel::On(const bus::ProcessStatus& status, TimePoint now) {
 
 void LiveModel::On(std::vector<bus::ProcessEvent> events) {
   if (events.empty()) return;
+  const auto now_ms = static_cast<std::uint64_t>(WallSeconds() * 1000);
   auto all = *view_.events;
   for (auto& event : events) {
     // the last ones of each process come again for whoever is new to it
     const bool known = std::ranges::any_of(all, [&](const LiveEvent& item) {
       return item.event.process == event.process && item.event.number == event.number;
     });
-    if (!known) all.push_front({std::move(event)});
+    if (known) continue;
+    const auto order_ms = std::min(event.time_ms, now_ms);
+    all.push_front({std::move(event), order_ms});
   }
-  std::ranges::stable_sort(all, std::greater<>(), [](const LiveEvent& item) { return item.event.time_ms; });
+  std::ranges::stable_sort(all, std::greater<>(), &LiveEvent::order_ms);
   if (all.size() > kMostEvents) all.resize(kMostEvents);
   view_.events = std::make_shared<const std::deque<LiveEvent>>(std::move(all));
 }

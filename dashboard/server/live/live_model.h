@@ -79,6 +79,9 @@ struct LiveServer {
 /// What a process logged at warn and above, and that workers fell silent, which those cannot say themselves.
 struct LiveEvent {
   bus::ProcessEvent event;
+  /// Since 1970, that it is sorted by: when it was heard at the latest, so that of a clock that is ahead none is the
+  /// newest for hours.
+  std::uint64_t order_ms = 0;
 };
 
 /// By id. A copy for whoever reads; what went away stays for ten minutes, so that its end can be told.

@@ -130,7 +130,7 @@ function Picker(props: { kind: Kind }) {
   const all = sourcesOf(kind, kind === 'dataset' && sourceOf(id)?.role === 'rollouts');
   if (!all.length) return null;
   const options = all.map((one) => [one.id, all.filter((other) => other.name === one.name).length > 1 ? `${one.name} (${one.folder ?? one.id})` : one.name] as const);
-  if (!all.some((one) => one.id === id)) options.unshift([id, nameOf(id)]);
+  if (!all.some((one) => one.id === id)) options.unshift([id, sourceOf(id) ? nameOf(id) : `${id} (not listed)`]);
   return <Select label={kind} value={id} options={options} choose={(value) => choose(kind, value)} />;
 }
 

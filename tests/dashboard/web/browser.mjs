@@ -16,7 +16,7 @@ export const themes = ['light', 'dark'];
 
 export async function launch() {
   const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
-  if (!executablePath) throw new Error('chromium is not installed: run deploy/install');
+  if (!executablePath) throw new Error('chromium is not installed: run deploy/install --browser');
   // WebGL in software needs its flag; a container has no user namespaces for the sandbox
   return chromium.launch({ executablePath, args: ['--no-sandbox', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage'] });
 }

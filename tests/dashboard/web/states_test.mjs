@@ -290,6 +290,37 @@ test('Generation: a listing without a row follows what comes, and says when filt
   });
 });
 
+test('Generation: a campaign that is made anew is listed anew', async () => {
+  let rows = [attemptOf(3)];
+  const answers = await answersOfCampaign({}, () => rows);
+  const { status } = answers['/campaigns/a'];
+  await open('/generation?dataset=a', answers, async (page, push) => {
+    await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="3.0"]');
+    rows = [attemptOf(0)];
+    await push('attempts', { campaign: 'a', status: { ...status, attempts: 1, committed: 0 }, total: 1, rows: [] });
+    await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="0.0"]');
+    assert.equal(await page.locator('.pill').count(), 0);
+  });
+});
+
+test('Generation: a campaign that was seen on the bus first goes on under the name of its folder', async () => {
+  const name = 'a@0123456789abcdef';
+  let dataset = null;
+  const answers = await answersOfCampaign({}, () => [attemptOf(3)]);
+  Object.assign(answers, {
+    '/home': await homeOf([source('campaign', name, { folder: null, live: true })]), [`/campaigns/${name}`]: () => ({ ...answers['/campaigns/a'], id: name, dataset }),
+    [`/campaigns/${name}/attempts`]: attemptsOf(name), [`/campaigns/${name}/cells`]: tensors({}),
+  });
+  await open(`/generation?dataset=${name}`, answers, async (page) => {
+    await page.waitForSelector('[data-elsewhere]');
+    dataset = 'a';
+    await page.waitForURL('**/generation?dataset=a', { timeout: 15000 });
+    await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="3.0"]');
+    // what the picker has not heard of yet is not taken for one of those that it has
+    assert.equal(await page.locator('.pickers option:checked').textContent(), 'a (not listed)');
+  });
+});
+
 test('Generation: an error without a space is read on the narrowest page', async () => {
   const answers = await answersOfCampaign({ error: `write '/${'long'.repeat(120)}': No space left on device` }, () => []);
   await open('/generation?dataset=a', answers, async (page) => {
@@ -298,6 +329,15 @@ test('Generation: an error without a space is read on the narrowest page', async
     await drawn(page);
     assert.deepEqual(await overflow(page), []);
     assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= document.documentElement.clientWidth));
+  });
+});
+
+test('Training: a run that is trained on again is not told to be', async () => {
+  const answers = { '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { path: '/out/a', state: 'failed', step: 150, end: { cause: 'failed', step: 150, t: null } }) };
+  await open('/training?run=a', answers, async (page, push) => {
+    await page.waitForSelector('.problem:has-text("ended with an error at step 150")');
+    await push('train', { run: 'a', state: 'running', step: 150, stage: 1, stages: 2, stage_name: 'LANG', loss: null, samples_per_s: null, data_wait: null, eta_s: null });
+    await page.waitForSelector('.problem', { state: 'detached' });
   });
 });
 
@@ -466,17 +506,55 @@ test('Play: a preview that does not come says why, and a session whose job is un
     answers['/play/sessions'] = { ...sessions, session: 'play-9', job: '9' };
     await page.getByRole('button', { name: 'Open', exact: true }).click();
     await page.waitForSelector('[data-ended=play-9]:has-text("does not know this job")');
+    await page.goto(`${gateway.address}/play`);
+    await page.getByRole('button', { name: 'Preview' }).click();
+    await page.waitForSelector('.problem:has-text("Another scene is being drawn")');
+    await page.getByLabel('Number').fill('1');
+    await page.waitForSelector('.problem', { state: 'detached' });
   }, { allow: /(503|404) \(/ });
 });
 
+const cube = { name: 'cube', x: 0.1, y: 0.2, z: 0.03, yaw: 0, half_extent: [0.03, 0.03, 0.03], hidden: false };
+/** A play session "s" with this object on its table. */
+const playOf = (object, tasks = []) => ({ session: 's', host: 'h', run: 'r@1', phase: 'rest', age_ms: 0, frame: 0, sentence: '', meaning: null, step: 0, max_steps: 0, judge: {}, outcome: '', reason: '', joints: [], waypoints: [], modules: {}, checkpoint_step: 0, policy_ms: 0, speed: 1, attempts: 0, successes: 0,
+  scene: { campaign: 'c', robot: 'ur5', index: 0, seed: '1', tasks, objects: [object], table_half_m: 0.6, camera: { width: 4, height: 3, fovy: 1, position: [0, 0, 1], quaternion: [1, 0, 0, 0] } } });
+
+test('Play: what a sentence means that is not known is said, and it is not run as one that nobody judges', async () => {
+  const said = [];
+  const answers = {
+    '/play/sessions': { enabled: true, sessions: [playOf(cube, ['push'])], policies: ['r@2', 'other@3'], campaigns: ['c'], command: '' }, '/play/sessions/s': playOf(cube, ['push']),
+    '/play/sessions/s/meaning': { status: 503, json: { title: 'The parser is busy', status: 503 } },
+    '/play/sessions/s/commands': (_url, request) => {
+      said.push(request.postDataJSON());
+      return { accepted: true, refusal: '' };
+    },
+  };
+  await open('/play?session=s&policy=r@1', answers, async (page) => {
+    assert.equal(await page.getByRole('combobox', { name: 'Policy', exact: true }).inputValue(), 'r@2', 'its server was started again');
+    await page.getByLabel('Sentence').fill('push it');
+    await page.waitForSelector('[data-no-meaning]:has-text("The parser is busy")');
+    await page.getByRole('button', { name: 'Run', exact: true }).click();
+    await page.waitForSelector('[data-not-said]:has-text("The parser is busy")');
+    assert.deepEqual(said, []);
+    await page.getByRole('combobox', { name: 'Judged by', exact: true }).selectOption('none');
+    await page.waitForSelector('[data-not-said]', { state: 'detached' });
+    await page.getByRole('button', { name: 'Run', exact: true }).click();
+    await until('the sentence', () => said.length > 0);
+    assert.deepEqual(said, [{ action: 'say', arguments: { sentence: 'push it', task: '', target: '', reference: '' } }]);
+  }, { allow: /503 \(/ });
+  answers['/play/sessions/s/meaning'] = { sentence: 'push it', words: [], task: '', target: '', reference: '', why: 'it names no object', words_of: 'training' };
+  await open('/play?session=s&sentence=push+it&judge=push,coke', answers, async (page) => {
+    const object = page.getByLabel('Object that it is judged by').locator('option');
+    await object.first().waitFor({ state: 'attached' });
+    assert.deepEqual(await object.allTextContents(), ['cube', 'coke (not here)']);
+  });
+});
+
 test('Play: an object that is moved by a key that repeats is asked for once, and then where it is to stand in the end', async () => {
-  const cube = { name: 'cube', x: 0.1, y: 0.2, z: 0.03, yaw: 0, half_extent: [0.03, 0.03, 0.03], hidden: false };
-  const state = (object) => ({ session: 's', host: 'h', run: 'r@1', phase: 'rest', age_ms: 0, frame: 0, sentence: '', meaning: null, step: 0, max_steps: 0, judge: {}, outcome: '', reason: '', joints: [], waypoints: [], modules: {}, checkpoint_step: 0, policy_ms: 0, speed: 1, attempts: 0, successes: 0,
-    scene: { campaign: 'c', robot: 'ur5', index: 0, seed: '1', tasks: [], objects: [object], table_half_m: 0.6, camera: { width: 4, height: 3, fovy: 1, position: [0, 0, 1], quaternion: [1, 0, 0, 0] } } });
   const places = [];
   const held = [];
   const answers = {
-    '/play/sessions': { enabled: true, sessions: [state(cube)], policies: ['r@1'], campaigns: ['c'], command: '' }, '/play/sessions/s': state(cube),
+    '/play/sessions': { enabled: true, sessions: [playOf(cube)], policies: ['r@1'], campaigns: ['c'], command: '' }, '/play/sessions/s': playOf(cube),
     '/play/sessions/s/commands': async (_url, request) => {
       places.push(request.postDataJSON().arguments.objects[0]);
       await new Promise((go) => held.push(go));
@@ -496,7 +574,7 @@ test('Play: an object that is moved by a key that repeats is asked for once, and
     held.shift()();
     await until('the newest place', () => places.length === 2);
     assert.ok(near(places[1].x, 0.05) && near(places[1].y, 0.2), JSON.stringify(places[1]));
-    answers['/play/sessions/s'] = state({ ...cube, x: 0.06 });
+    answers['/play/sessions/s'] = playOf({ ...cube, x: 0.06 });
     await push('play', answers['/play/sessions/s']);
     held.shift()();
     await until('the place that it is said to have', async () => near(await right(), 0.06));
@@ -743,6 +821,11 @@ test('Checkpoints: the scenes of an evaluation are chosen, and what does not fit
     await page.waitForSelector('dialog[open] .command:has-text("--scenes panda.yaml")');
     assert.equal(await page.locator('dialog[open]:has-text("scenes: not")').count(), 0);
   }, { allow: /400 \(Bad Request/ });
+  answers['/play/sessions'] = { status: 503, json: { title: 'The bus cannot be joined', status: 503 } };
+  await open('/checkpoints?run=a', answers, async (page) => {
+    await page.getByRole('button', { name: 'Evaluate' }).click();
+    await page.waitForSelector('dialog[open] [role=alert]:has-text("did not come: The bus cannot be joined")');
+  }, { allow: /(400|503) \(/ });
 });
 
 const episodeColumns = ['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'];
@@ -832,7 +915,7 @@ test('by keyboard: one skips to the page, the focus follows to the next, and age
 });
 
 test('Logs: an error that the documentation knows says what to do', async () => {
-  const line = (n, level, text) => ({ source: 's', n, t: '12:00:00', level, text });
+  const line = (n, level, text) => ({ source: 's', n, t: '12:00:00', at: '2026-01-23T11:00:00Z', level, text });
   const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 12, back_to: '2026-11-23T06:00:00Z', lines: [line(1, 'info', 'all is well'), line(2, 'error', "campaign.yaml: unknown key 'epsiodes': did you mean 'episodes'? (x)")] };
   await open('/logs', { '/logs': logs }, async (page) => {
     const advice = page.locator('.log li').nth(1).locator('[data-advice]');
@@ -841,12 +924,13 @@ test('Logs: an error that the documentation knows says what to do', async () => 
     await advice.locator('.command code', { hasText: 'etude config describe campaign' }).waitFor();
     assert.equal(await page.locator('[data-advice]').count(), 1);
     assert.match(await page.locator('[data-back-to]').innerText(), /^12 files, back to 2026-11-23 .*were searched/);
+    assert.match(await page.locator('.log li').first().innerText(), /^2026-01-23 /, 'in the zone and with the day of all other times');
     assert.deepEqual(await axe(page), []);
   });
 });
 
 test('Logs: who stops following keeps what was shown, and not what the page began with', async () => {
-  const logs = (...lines) => ({ sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 1, back_to: null, lines: lines.map((text, n) => ({ source: 's', n, t: '12:00:00', level: 'info', text })) });
+  const logs = (...lines) => ({ sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 1, back_to: null, lines: lines.map((text, n) => ({ source: 's', n, t: '12:00:00', at: null, level: 'info', text })) });
   await open('/logs', { '/logs': logs('of the morning') }, async (page, push) => {
     await page.waitForSelector('.log li:has-text("of the morning")');
     await push('logs', logs('of the morning', 'of noon'));
@@ -863,7 +947,7 @@ test('Logs: who stops following keeps what was shown, and not what the page bega
 });
 
 test('Logs: older lines that do not come leave the filters, and a way to the newest', async () => {
-  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: '1-2', lines: [{ source: 's', n: 1, t: '12:00:00', level: 'info', text: 'all is well' }] };
+  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: '1-2', lines: [{ source: 's', n: 1, t: '12:00:00', at: null, level: 'info', text: 'all is well' }] };
   const answers = { '/logs': (url) => (url.searchParams.has('before') ? { status: 500, json: { title: 'The file is gone', status: 500 } } : logs) };
   await open('/logs', answers, async (page) => {
     await page.getByRole('button', { name: 'Older lines' }).click();

@@ -9,12 +9,15 @@ export interface Held {
   setHeld: (to: number) => void;
 }
 
-/** Begins anew, at `now`, where another listing, `of`, is asked for, and when the gateway has come back. */
+/**
+ * Begins anew, at `now`, where another listing, `of`, is asked for, and when the gateway has come back; also where there
+ * are fewer than there were: its folder was made anew.
+ */
 export function useHeld(now: number, of: string): Held {
   const key = `${epoch.value} ${of}`;
   const pinned = useRef({ key, at: now });
   const [, redraw] = useState({});
-  if (pinned.current.key !== key) pinned.current = { key, at: now };
+  if (pinned.current.key !== key || now < pinned.current.at) pinned.current = { key, at: now };
   return {
     held: pinned.current.at,
     setHeld: (at) => {

@@ -1017,6 +1017,8 @@ export type LogLine = {
   n: number;
   /** as written; local time of day of a line of --log json */
   t: string | null;
+  /** the same with its day, which of a time of day is reckoned back from the file's last change; RFC 3339, UTC; null: it says no time */
+  at: string | null;
   level: "debug" | "info" | "warn" | "error" | null;
   /** at most 4,000 characters */
   text: string;

@@ -36,9 +36,9 @@ const served: Column<Checkpoint> = {
   cell: (one) => one.refused ? <span class="bad">refused: {one.refused}</span> : one.served_by.length ? one.served_by.map((server) => `${server.host}${server.since ? ` since ${clock(server.since, false)}` : ''}`).join(', ') : <span class="muted">{none}</span>,
 };
 
-/** Of a run that was trained on other tasks, another robot or camera. */
+/** Other tasks, another robot or camera than those of the run's dataset. */
 const scenes: Choice = {
-  argument: 'scenes', label: 'Scenes', none: 'pick, push, put down with the UR5',
+  argument: 'scenes', label: 'Scenes', none: 'those of its dataset; else pick, push, put down with the UR5',
   values: () => getJson<{ campaigns: string[] }>('/play/sessions').then((answer) => answer.campaigns),
 };
 

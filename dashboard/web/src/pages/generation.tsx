@@ -30,6 +30,9 @@ function OfCampaign(props: { id: string }) {
   const campaign = useResource<Campaign>(`/campaigns/${id}`, { every: 5000 });
   const newest = useLive<LiveAttempts>('attempts', { campaign: id }, 1);
   const live = newest?.campaign === undefined || newest.campaign === id ? newest : undefined;
+  // of one that was seen on the bus first the folder has come: from then on that is what it is chosen by
+  const folder = campaign.data?.dataset ?? null;
+  useEffect(() => { if (folder !== null && folder !== id) setParameters({ dataset: folder }, true); }, [folder]);
   return (
     <Loaded of={campaign}>
       {(data) => {

@@ -52,20 +52,21 @@ function useKept(run: string): Eval[] {
   return (all.data ?? []).filter((one) => one.run_id === run && one.insights > 0);
 }
 
-/** Live play sessions that a run's policy drives. */
-function useSessions(run: string): PlaySession[] {
-  const all = useResource<{ sessions: PlaySession[] }>('/play/sessions', { every: 10000 });
-  const some = (all.data?.sessions.length ?? 0) > 0;
-  const about = useResource<Run>(some ? `/runs/${run}` : null);
-  return (all.data?.sessions ?? []).filter((one) => isOf(one, about.data?.identity ?? null));
+/** Live play sessions: all (undefined: not known yet), and those that a run's policy drives. */
+function useSessions(run: string): { heard: PlaySession[] | undefined; own: PlaySession[] } {
+  const heard = useResource<{ sessions: PlaySession[] }>('/play/sessions', { every: 10000 }).data?.sessions;
+  const about = useResource<Run>(heard?.length ? `/runs/${run}` : null);
+  return { heard, own: (heard ?? []).filter((one) => isOf(one, about.data?.identity ?? null)) };
 }
 
 /** Whom the page asks: the policy server, the files of an evaluation, or a play session's policy as it drives. */
 function Source(props: { kept: Eval[]; from: Eval | undefined; session: string; run: string }) {
   const { from, session, run } = props;
-  const sessions = useSessions(run).map((one) => one.session);
+  const { heard, own } = useSessions(run);
+  const sessions = own.map((one) => one.session);
+  const gone = heard !== undefined && !heard.some((one) => one.session === session);
   const evals = from && !props.kept.some((one) => one.id === from.id) ? [from, ...props.kept] : props.kept;
-  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${one.name}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}`] as const)];
+  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${one.name}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}${name === session && gone ? ' (not heard)' : ''}`] as const)];
   if (!options.length) return null;
   const choose = (text: string) => {
     const [kind = '', name = ''] = text.split(' ');

@@ -86,7 +86,7 @@ function Line(props: { of: LogLine; source: string; advice: Advice[] }) {
   const known = isError(of) ? adviceFor(of.text, props.advice) : undefined;
   return (
     <li data-level={of.level ?? ''}>
-      <span class="muted">{of.t ?? ''}</span><span class={of.level === 'warn' ? 'warn' : of.level === 'error' ? 'bad' : 'muted'}>{of.level ?? ''}</span><span class="muted">{props.source}</span>
+      <span class="muted" title={of.t ?? ''}>{of.at ? clock(of.at) : of.t ?? ''}</span><span class={of.level === 'warn' ? 'warn' : of.level === 'error' ? 'bad' : 'muted'}>{of.level ?? ''}</span><span class="muted">{props.source}</span>
       <span>{of.text}{known && <AdviceBelow of={known} />}</span>
     </li>
   );

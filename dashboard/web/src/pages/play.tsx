@@ -46,13 +46,23 @@ interface Opened { session: string; job: string }
 
 const openingMs = 20000;
 
+/**
+ * Who of those that are served is meant by NAME, or NAME@ID, an id may be cut. A server of a file has another id when it
+ * is started again: then who has its name now, where there is one alone.
+ */
+function servedAs(policies: string[], policy: string): string | undefined {
+  const exact = policy.includes('@') && policies.find((one) => one.startsWith(policy));
+  const [sole, ...others] = policies.filter((one) => one.split('@')[0] === policy.split('@')[0]);
+  return exact || (others.length ? undefined : sole);
+}
+
 /** What a session is opened with; all of it in the address. */
 function useWish(data: Sessions) {
   const [campaign] = parameter('campaign', 'quickstart');
   const [index] = parameter('index', '0');
   const [seed] = parameter('seed');
   const [policy] = parameter('policy');
-  const run = policy || data.policies[0] || '';
+  const run = (policy ? servedAs(data.policies, policy) ?? policy : data.policies[0]) ?? '';
   return { spec: campaign, run, index: Number(index) || 0, ...(seed ? { seed } : {}) };
 }
 
@@ -81,6 +91,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const gone = coming && job.error?.status === 404;
   const ended = session !== '' && !props.there && !waiting && (!coming || gone || (job.data !== undefined && job.data.state !== 'running'));
   const text = JSON.stringify(wish);
+  const picture = `${encodeURIComponent(wish.spec)}/${wish.index}.png${query({ seed: wish.seed })}`;
   useEffect(() => {
     setCommand('');
     if (!wish.run) return;
@@ -118,10 +129,10 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
         <label class="inline">Seed<input class="field" inputMode="numeric" size={12} maxLength={20} placeholder="the campaign's" value={wish.seed ?? ''} onInput={(event) => set('seed')(event.currentTarget.value.trim())} /></label>
         <Select showLabel label="Policy" value={wish.run} options={wish.run ? listed(data.policies, wish.run) : [['', 'none is served']]} choose={set('policy')} />
         {actions && <TokenField value={token} change={setToken} />}
-        <button type="button" class="button" onClick={() => show(`${encodeURIComponent(wish.spec)}/${wish.index}.png${query({ seed: wish.seed })}`)}>Preview</button>
+        <button type="button" class="button" onClick={() => show(picture)}>Preview</button>
         {actions && <button type="button" class="button" disabled={!wish.run || opening} onClick={() => { void open(); }}>Open</button>}
       </div>
-      {shown && <Preview of={shown} />}
+      {shown === picture && <Preview of={shown} />}
       {command && <Command text={command} />}
       {said && <p class="small bad" role="alert">{said}</p>}
       {!actions && <p class="small muted">This gateway was started without --token-file: it opens nothing. Copy the command.</p>}
@@ -276,6 +287,8 @@ function Say(props: { address: string; state: PlaySession; scene: Scene; send: (
   const [sentence, setSentence] = useState(kept);
   const [asked, setAsked] = useState('');
   const [by, setBy] = parameter('judge');
+  const [failed, fail] = useState('');
+  useEffect(() => fail(''), [sentence, by]);
   useEffect(() => {
     // the address takes what was typed after a pause: browsers refuse to change it at every key
     const timer = window.setTimeout(() => {
@@ -294,14 +307,18 @@ function Say(props: { address: string; state: PlaySession; scene: Scene; send: (
     const text = sentence.trim();
     if (!resting || !text || sending.current) return;
     sending.current = true;
+    fail('');
     try {
       // asked anew: what was typed a moment ago was not yet, and without a task nobody judges
-      const { task = '', target = '', reference = '' } = intentIn(by) ?? (await getJson<Meaning>(`${props.address}/meaning${query({ sentence: text })}`).catch(() => null)) ?? {};
+      const { task, target, reference } = intentIn(by) ?? await getJson<Meaning>(`${props.address}/meaning${query({ sentence: text })}`);
       await props.send('say', { sentence: text, task, target, reference });
+    } catch (error) {
+      fail(`${reasonOf(error)}: choose by what it is judged, or nobody`);
     } finally {
       sending.current = false;
     }
   };
+  const judged = <JudgedBy by={by} choose={(text) => setBy(text || null, true)} scene={props.scene} />;
   useKeys([{ keys: 'r', does: 'run the sentence', run: () => { void run(); }, when: () => resting }]);
   return (
     <Panel title="Say">
@@ -314,9 +331,11 @@ function Say(props: { address: string; state: PlaySession; scene: Scene; send: (
         <div aria-live="polite">
           <p data-words={means.words_of}>{means.words.map((word) => <><span class={word.seen ? '' : 'unseen'} title={`${training(means)} ${word.seen ? 'says' : 'never says'} it`}>{word.text}</span> </>)}</p>
           <p class="small" data-meaning>{means.task ? <>means <b>{means.task} {means.target}{means.reference && `, ${means.reference}`}</b></> : <span class="warn">not judged: {means.why}</span>}{means.words.some((word) => !word.seen) && <span class="muted" data-unseen> · {training(means)} never said: {means.words.filter((word) => !word.seen).map((word) => word.text).join(', ')}</span>}</p>
-          <JudgedBy by={by} choose={(text) => setBy(text || null, true)} scene={props.scene} />
+          {judged}
         </div>
       )}
+      {asked && !means && meaning.error && <><p class="small bad" role="alert" data-no-meaning>What it means is not known: {meaning.error.detail ?? meaning.error.title}</p>{judged}</>}
+      {failed && <p class="small bad" role="alert" data-not-said>{failed}</p>}
     </Panel>
   );
 }
@@ -327,13 +346,14 @@ function JudgedBy(props: { by: string; choose: (by: string) => void; scene: Scen
   const intent = intentIn(props.by);
   const objects = scene.objects.map((one) => one.name);
   const write = (one: Intent) => choose([one.task, one.target, one.reference].join(',').replace(/,+$/, ''));
-  const named = (names: string[]) => names.map((one) => [one, one] as const);
+  // an address, and a choice, outlive the scene that they were made in
+  const offered = (names: string[], value = '') => listed(names, value).filter(([one]) => one);
   return (
     <p class="row wrap small" data-judged-by>
-      <Select showLabel label="Judged by" value={intent ? intent.task || 'none' : ''} options={[['', 'what it means'], ...named(scene.tasks), ['none', 'nobody']]}
+      <Select showLabel label="Judged by" value={intent ? intent.task || 'none' : ''} options={[['', 'what it means'], ...offered(scene.tasks, intent?.task), ['none', 'nobody']]}
         choose={(task) => (task && task !== 'none' ? write({ task, target: intent?.target || (objects[0] ?? ''), reference: intent?.reference ?? '' }) : choose(task))} />
-      {intent?.task && <Select label="Object that it is judged by" value={intent.target} options={named(objects)} choose={(target) => write({ ...intent, target })} />}
-      {intent?.task && <Select label="Reference that it is judged by" value={intent.reference} options={[['', 'no reference'], ...named(objects.filter((one) => one !== intent.target))]} choose={(reference) => write({ ...intent, reference })} />}
+      {intent?.task && <Select label="Object that it is judged by" value={intent.target} options={offered(objects, intent.target)} choose={(target) => write({ ...intent, target })} />}
+      {intent?.task && <Select label="Reference that it is judged by" value={intent.reference} options={[['', 'no reference'], ...offered(objects.filter((one) => one !== intent.target), intent.reference)]} choose={(reference) => write({ ...intent, reference })} />}
     </p>
   );
 }

@@ -131,7 +131,7 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
         {run.folder !== null && <a class="button" href={`${root}/runs/${run.id}/series.csv${query({ run: filed.slice(1) })}`} download={`${filed.map(nameOf).join('-')}.csv`}>CSV</a>}
       </div>
       <Compare ids={props.ids} />
-      {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${folderIn(run, 'RUN')} --resume`} /></div>}
+      {run.end?.cause === 'failed' && (props.live?.state ?? run.state) === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${folderIn(run, 'RUN')} --resume`} /></div>}
       {props.curriculum && <Panel title="Curriculum"><Ladder stages={props.curriculum.stages} /><Reasons of={props.curriculum} /></Panel>}
       <Goals of={run} />
       {!run.keys.length ? <NoCurves of={run} step={step} /> : <Charts ids={props.ids} run={run} round={linesOf(run)} shared={shared} />}

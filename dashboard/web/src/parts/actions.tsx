@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What changes something: a button that shows the etude command for copying and, with the token, runs it as a job.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { getJob, getJson, jobGone, postJson, problemOf, type Problem } from '../core/api';
+import { getJob, getJson, jobGone, postJson, problemOf, reasonOf, type Problem } from '../core/api';
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Command, Failed, Select } from './basics';
@@ -30,6 +30,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; choice?: 
   const [given] = useState(props.of);
   const [picked, setPicked] = useState('');
   const [values, setValues] = useState<string[]>([]);
+  const [missing, miss] = useState('');
   const of: Arguments = picked && props.choice ? { ...given, [props.choice.argument]: picked } : given;
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
@@ -40,10 +41,11 @@ function Confirm(props: { label: string; about: string; of: Arguments; choice?: 
   useEffect(() => {
     dialog.current?.showModal();
     getJson<{ authorized: boolean }>('/session').then((answer) => access.lock(!answer.authorized)).catch(() => undefined);
-    props.choice?.values().then(setValues).catch(() => undefined);
+    props.choice?.values().then(setValues).catch((error: unknown) => miss(reasonOf(error)));
   }, []);
   useEffect(() => {
     let current = true;
+    setCommand('');
     setProblem(null);
     const show = (text: string, failed: Problem | null) => { if (current) setCommand(text), setProblem(failed); };
     postJson<{ command: string }>('/actions', { ...of, dry_run: true }).then((answer) => show(answer.command, null)).catch((error: unknown) => show('', problemOf(error)));
@@ -60,7 +62,8 @@ function Confirm(props: { label: string; about: string; of: Arguments; choice?: 
     setBusy(true);
     setProblem(null);
     try {
-      const { job: id } = await access.act(() => postJson<{ job: string }>('/actions', of));
+      const { job: id, command: ran } = await access.act(() => postJson<{ job: string; command: string }>('/actions', of));
+      setCommand(ran);
       setJob(await getJson<Job>(`/jobs/${id}`));
     } catch (error) {
       setProblem(problemOf(error));
@@ -74,6 +77,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; choice?: 
         <div class="row apart"><h2 class="figure">{props.label}</h2><button type="button" class="button" onClick={() => dialog.current?.close()}>Close</button></div>
         <p class="secondary">{props.about}</p>
         {props.choice && values.length > 0 && !job && <Select showLabel label={props.choice.label} value={picked} options={[['', props.choice.none], ...values.map((one) => [one, one] as const)]} choose={setPicked} />}
+        {missing && !job && <p class="small bad" role="alert">{`What could be chosen did not come: ${missing}`}</p>}
         {command && <Command text={command} />}
         {problem && <Failed problem={problem} />}
         {!home.value?.actions && <p class="small muted">This gateway was started without --token-file: it changes nothing. Copy the command.</p>}

@@ -4,14 +4,17 @@
 import { useEffect, useState } from 'preact/hooks';
 import { reasonOf, stopJob, useResource } from '../core/api';
 import { clock } from '../core/format';
+import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Panel } from './basics';
 import { useToken } from './sign_in';
 
 const lately_ms = 3600e3;
 
+/** By the gateway's clock, which says when it ended. */
 function failedLately(of: Job): boolean {
-  return of.state === 'failed' && of.ended !== null && Date.now() - Date.parse(of.ended) < lately_ms;
+  const there = Date.parse(home.value?.time ?? '') || Date.now();
+  return of.state === 'failed' && of.ended !== null && there - Date.parse(of.ended) < lately_ms;
 }
 
 // ms in which a second click is none: it would end the job at once, with what it has not written

@@ -2,7 +2,13 @@
 // Tests dashboard/server/api/actions.cc: the commands that actions are.
 #include <gmock/gmock.h>
 
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "services/store/dataset.h"
 #include "services/store/filter_keys.h"
+#include "services/store/safetensors.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
 
@@ -117,6 +123,39 @@ TEST_F(ActionsTest, ARunIsEvaluatedInTheScenesThatAreAskedFor) {
     body["scenes"] = wrong;
     EXPECT_EQ(Post(body).status, 400) << wrong.dump();
   }
+}
+
+// before, it was measured in those of `etude eval` whatever they were, unless one knew and chose others
+TEST_F(ActionsTest, ARunIsEvaluatedInTheScenesOfItsDataset) {
+  const Path data = lab_.root() / "my data";
+  std::filesystem::rename(lab_.root() / "data", data);
+  const auto reader = store::DatasetReader::Open(data);
+  ASSERT_THAT(reader, IsOk());
+  const std::string hash = reader->spec_sha256(), another(64, 'b');
+  const auto trained_on = [&](const std::vector<std::string>& hashes) {
+    OrderedJson said;
+    said["datasets"] = hashes;
+    store::Safetensors state;
+    state.metadata = {{"run", said.dump()}};
+    state.tensors["rng"] = {store::DType::kU8, {1}, std::vector<std::uint8_t>(1)};
+    ASSERT_THAT(store::WriteSafetensors(lab_.root() / "run" / "training_state.safetensors", state), IsOk());
+  };
+  OrderedJson body{{"action", "evaluate"}, {"run", "lab.run"}, {"file", "00000200.safetensors"}};
+  const auto scenes = [&] { return OrderedJson::parse(Post(body).body)["scenes"]; };
+  trained_on({hash});
+  EXPECT_THAT(CommandOf(body), HasAll({"--scenes '" + data.string() + "'", "run-eval-00000200-9001-my data'"}));
+  EXPECT_EQ(scenes(), "my data");
+  trained_on({hash, hash});
+  EXPECT_EQ(scenes(), "my data") << "two shards of one campaign";
+  trained_on({hash, another});
+  EXPECT_EQ(scenes(), "default") << "of several, none is the one";
+  trained_on({another});
+  EXPECT_EQ(scenes(), "default") << "it is elsewhere";
+  trained_on({hash});
+  body["scenes"] = "obstacle";
+  EXPECT_EQ(scenes(), "obstacle");
+  body["scenes"] = "default";
+  EXPECT_THAT(CommandOf(body), testing::Not(HasSubstr("--scenes")));
 }
 
 // before, every question was refused, and who had asked for it learnt that after an hour

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <ctime>
 
+#include "dashboard/server/sources/files.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
 
@@ -185,6 +186,8 @@ TEST_F(LogsTest, LinesOfJsonAreUnderstood) {
                                  R"({"no": "line of ours"})", "{torn"));
   EXPECT_EQ(page["lines"][1]["level"], "warn");
   EXPECT_EQ(page["lines"][1]["t"].get<std::string>().size(), 8u);
+  EXPECT_EQ(page["lines"][1]["at"], "2026-03-10T10:00:02.000Z");
+  EXPECT_TRUE(page["lines"][3]["at"].is_null());
   EXPECT_THAT(Texts("?level=warn&q=etude-"), ElementsAre("etude-worker: two", "etude-trainer: three"));
 }
 
@@ -196,6 +199,10 @@ TEST_F(LogsTest, MidnightComesAfterTheDayBefore) {
   EXPECT_THAT(Texts(""), ElementsAre("no time yet", "23:59:57 info b: 0", "23:59:58 info a: 1", "00:00:01 info c: 2",
                                      "00:00:02 info b: 3", "trace of 3", "00:00:03 info c: 4"));
   EXPECT_THAT(Texts("?limit=2"), ElementsAre("trace of 3", "00:00:03 info c: 4"));
+  const auto lines = GetJson(kPrefix + "/logs")["lines"];
+  const auto at = [&](int i) { return sources::ParseTime(lines[i]["at"].get<std::string>()).value(); };
+  EXPECT_DOUBLE_EQ(at(3) - at(2), 3) << "23:59:58 and 00:00:01 are of two days";
+  EXPECT_TRUE(lines[5]["at"].is_null()) << "a trace says no time";
 }
 
 TEST_F(LogsTest, DaysAreCountedBackFromAFilesLastChange) {

@@ -434,6 +434,19 @@ TEST_F(OverviewTest, ARunThatIsResumedRunsWhateverItsFilesSayOfItsLastEnd) {
   EXPECT_EQ(state(ended + 50), "running");
 }
 
+// before, its last words stood there for ten minutes
+TEST_F(OverviewTest, ARunThatIsNotHeardAnyMoreHasNoTimeLeft) {
+  live::LiveRun heard;
+  heard.present = true;
+  heard.status.emplace().eta_s = 600;
+  heard.heard = MonotonicClock::now();
+  EXPECT_EQ(StateOf(nullptr, &heard).eta_s, 600.0);
+  heard.heard -= 1min;
+  const RunState state = StateOf(nullptr, &heard);
+  EXPECT_EQ(state.state, "silent");
+  EXPECT_FALSE(state.eta_s.has_value());
+}
+
 // Who pauses a campaign knows that nothing is committed.
 TEST_F(OverviewTest, APausedCampaignIsNoAlarm) {
   const auto long_ago = MonotonicClock::now() - std::chrono::seconds(70);

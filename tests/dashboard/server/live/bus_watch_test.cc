@@ -12,6 +12,7 @@
 #include "services/bus/access.h"
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
+#include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/thread_annotations.h"
 #include "services/security/authority.h"
@@ -225,6 +226,22 @@ TEST_F(LiveModelTest, EventsComeOnceNewestFirstAndAreBounded) {
   ASSERT_EQ(kept.size(), 500u);
   EXPECT_EQ(kept[0].event.number, 699u);
   EXPECT_EQ(kept[1].event.number, 698u) << "heard twice, kept once";
+}
+
+// before, an event of a clock that is an hour ahead stood first for an hour
+TEST_F(LiveModelTest, AnEventOfTheFutureIsNoNewerThanWhenItWasHeard) {
+  bus::ProcessEvent ahead, later;
+  ahead.process = "ahead";
+  ahead.time_ms = static_cast<std::uint64_t>((WallSeconds() + 3600) * 1000);
+  model_.On(std::vector<bus::ProcessEvent>{ahead});
+  std::this_thread::sleep_for(5ms);
+  later.process = "later";
+  later.time_ms = static_cast<std::uint64_t>(WallSeconds() * 1000);
+  model_.On(std::vector<bus::ProcessEvent>{later});
+  const auto& kept = *model_.view().events;
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept[0].event.process, "later");
+  EXPECT_EQ(kept[1].event.time_ms, ahead.time_ms) << "as it says itself";
 }
 
 TEST_F(LiveModelTest, WhatWorkersAreReadyForIsCompared) {
