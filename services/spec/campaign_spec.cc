@@ -107,9 +107,16 @@ void CheckObjects(const CampaignSpec& spec, Problems& problems) {
   // a sentence names a class, so that no two of one class stand on the table together
   std::set<std::string> nouns, scene_names;
   for (const auto& object : spec.objects) {
+    const std::string called = SceneName(object);
     nouns.insert(ObjectNoun(object));
-    scene_names.insert(SceneName(object));
+    scene_names.insert(called);
     problems.Require(CheckObjectName(object));
+    // words go by the name: those of the built-in one need not be true of another
+    const bool built_in = std::ranges::count(TabletopObjects(), called) > 0 || called == kObstacleObject;
+    problems.Require(!IsObjectPath(object) || !built_in,
+                     fmt::format("objects: '{}': sentences would call it what the built-in {} is called; give its "
+                                 "folder another name",
+                                 object, called));
   }
   problems.Require(on_table <= static_cast<int>(nouns.size()),
                    fmt::format("objects: {} on the table of {} classes; one of each at most", on_table, nouns.size()));

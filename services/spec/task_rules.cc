@@ -59,16 +59,19 @@ class StageRules {
   }
   void See(const LiftSpec& stage) {
     InRange("room", stage.room, 0, kMostRoom);
+    NotTurned();
     After({Hand::kHolding}, Hand::kHolding);
   }
   void See(const TurnSpec& stage) {
     InRange("lean", stage.lean, 0, kMostLean);
     After({Hand::kHolding}, Hand::kHolding);
+    turned_ = true;
   }
   void See(const CarrySpec& stage) {
     InRange("room", stage.room, 0, kMostRoom);
     Goes(stage.to);
     if (stage.to == "here") Wrong("to: say where, seen from the reference");
+    NotTurned();
     After({Hand::kHolding}, Hand::kHolding);
   }
   void See(const PushSpec& stage) {
@@ -88,6 +91,7 @@ class StageRules {
   void See(const ReleaseSpec& stage) {
     InRange("steps", stage.steps, 1, kMostSteps);
     After({Hand::kHolding}, Hand::kFree);
+    turned_ = false;
   }
   void See(const RetreatSpec& stage) {
     OneOf("along", stage.along, {"up", "approach"});
@@ -103,6 +107,10 @@ class StageRules {
     if (std::find(allowed.begin(), allowed.end(), hand_) == allowed.end())
       Wrong(fmt::format("cannot come here: it needs that {}, but {}", Words(*allowed.begin()), Words(hand_)));
     hand_ = then;
+  }
+  // lift and carry hold what they move as it was grasped
+  void NotTurned() {
+    if (turned_) Wrong("cannot come after turn: the hand would turn the target back");
   }
   template <class T>
   void InRange(const char* key, T value, T low, T high) {
@@ -123,6 +131,7 @@ class StageRules {
   std::vector<std::string>& errors_;
   std::size_t number_ = 0;
   Hand hand_ = Hand::kFree;
+  bool turned_ = false;  // what the hand holds
 };
 
 void CheckWords(const TaskSpec& task, std::vector<std::string>& errors) {

@@ -181,12 +181,12 @@ std::string HashOf(const TaskSpec& task, TaskKeys keys) {
 }  // namespace
 
 bool TaskSpec::MayRefer(const std::string& target, const std::string& object) const {
-  const auto& only = reference.only;
-  const auto allowed = [&](const std::string& name) {
-    return only.empty() || std::ranges::find(only, name) != only.end() ||
-           std::ranges::find(only, ObjectNoun(name)) != only.end();
-  };
-  return reference.needed && ObjectNoun(object) != ObjectNoun(target) && allowed(object);
+  const std::string called = SceneName(object), noun = ObjectNoun(object);
+  // of a path only the folder's name counts: it may be written in another way, and scenes and data sets do not have it
+  const bool allowed = reference.only.empty() || std::ranges::any_of(reference.only, [&](const std::string& one) {
+                         return SceneName(one) == called || one == noun;
+                       });
+  return reference.needed && noun != ObjectNoun(target) && allowed;
 }
 
 Result<TaskSpec> ParseTaskSpec(const OrderedJson& json, const std::string& origin) {

@@ -183,7 +183,7 @@ struct TaskSpec {
   std::string sha256;                    ///< of its meaning: comments, order of keys and defaults left out do not count
 
   bool Has(std::string_view primitive) const;
-  /// Whether an object, as scenes name it, may be the reference of a target.
+  /// Whether an object may be the reference of a target, as campaigns or as scenes name them.
   bool MayRefer(const std::string& target, const std::string& object) const;
   /// Whether the target is brought somewhere else through the air, so that the hand has to come from above.
   bool carries() const { return Has(CarrySpec::kName); }

@@ -427,7 +427,10 @@ class Builder {
     const double turn = file_.turn != 0 ? file_.turn : file_.approach_pitch > kQuarter / 2 ? -kQuarter : kQuarter;
     if (!(std::abs(file_.approach_pitch) <= kWholeTurn / 2))
       Wrong("approach_pitch: {}: rad, and more than half a turn", file_.approach_pitch);
+    if (file_.approach_pitch < 0) Wrong("approach_pitch: {}: 0 (level) or more", file_.approach_pitch);
     if (std::abs(std::abs(turn) - kQuarter) > 0.01) Wrong("turn: {}: must be pi/2, -pi/2 or 0", turn);
+    if (file_.approach_pitch == 0 && turn < 0)
+      Wrong("turn: {}: a level hand turns an object over by pointing down: pi/2 or 0", turn);
     model_.approach_pitch = file_.approach_pitch;
     model_.turned_pitch = file_.approach_pitch + turn;
     if (file_.joints.size() >= kJointsOfAnyPose) return;

@@ -28,7 +28,8 @@ struct RobotFile {
   std::vector<double> damping;                 ///< N m s/rad; empty: the MJCF's
   std::vector<double> speed;                   ///< rad/s, the most of each joint; empty: 2 each
   double approach_pitch = 1.5707963267948966;  ///< rad below the horizontal: 0 level, pi/2 from above
-  /// rad, added to approach_pitch to turn an object over: pi/2 or -pi/2; 0: towards level, or down from it
+  /// rad, added to approach_pitch to turn an object over: pi/2 or -pi/2 (not of a level hand, which turns down); 0:
+  /// towards level, or down from it
   double turn = 0;
   /// check: implausible ones are an error; trust: a warning; kMassesOfCollision: as check, visual geoms weigh nothing
   std::string masses = "check";

@@ -148,7 +148,8 @@ void RobotXml::DropUnusedAssets() {
       if (element.Attribute(reference)) used.insert(Attribute(element, reference));
   };
   ForEach(root_, note);
-  if (XMLElement* defaults = document_.Section("default")) ForEach(defaults, note);
+  for (const char* section : {"default", "tendon"})
+    if (XMLElement* element = document_.Section(section)) ForEach(element, note);
   for (XMLElement* asset = assets->FirstChildElement(); asset; asset = asset->NextSiblingElement())
     if (IsElement(*asset, "material") && used.contains(Attribute(*asset, "name"))) note(*asset);
   DeleteChildren(assets, [&](const XMLElement& asset) { return !used.contains(Attribute(asset, "name")); });

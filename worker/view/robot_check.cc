@@ -237,8 +237,8 @@ void CheckReach(const std::shared_ptr<const sim::Scene>& scene, Report& report) 
 }
 
 /// @param effort  gets what its demonstrations cost
-Status CheckTask(const std::string& robot, const TaskName& task, const sim::RendererConfig& renderer, Report& report,
-                 task::Effort& effort) {
+Status CheckTask(const std::string& robot, const sim::ArmInfo& arm, const TaskName& task,
+                 const sim::RendererConfig& renderer, Report& report, task::Effort& effort) {
   CampaignSpec spec;
   spec.robots = {robot};
   spec.tasks = {task.base};
@@ -256,8 +256,8 @@ Status CheckTask(const std::string& robot, const TaskName& task, const sim::Rend
     else
       trouble = fmt::format("; {}: {}", task::ToString(attempt.outcome), attempt.reason);
   }
-  const bool turns = task.spec->Has(TurnSpec::kName);
-  if (succeeded < kDemonstrationsNeeded && turns && sim::IsRobotFile(robot))
+  const bool has_other_way = task.spec->Has(TurnSpec::kName) && arm.approach_pitch > 0;  // a level hand turns down
+  if (succeeded < kDemonstrationsNeeded && has_other_way && sim::IsRobotFile(robot))
     trouble += "; the other sign of `turn` in its file may suit the wrist";
   report.Line(succeeded >= kDemonstrationsNeeded, task.base,
               fmt::format("{} of {} demonstrations with the cube succeed{}", succeeded, kDemonstrations, trouble));
@@ -276,7 +276,7 @@ Status CheckTasks(const std::string& robot, const sim::Scene& scene, const sim::
       report.Note(fmt::format("{} is not for {} joints: it turns an object over", name, scene.arm().joints.size()));
       continue;
     }
-    ETUDE_RETURN_IF_ERROR(CheckTask(robot, task, renderer, report, effort));
+    ETUDE_RETURN_IF_ERROR(CheckTask(robot, scene.arm(), task, renderer, report, effort));
   }
   const bool failed = !report.missing().empty();
   const auto saturated = effort.Saturated();

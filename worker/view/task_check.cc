@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "services/core/config.h"
 #include "services/language/grammar.h"
 #include "services/spec/object_names.h"
+#include "services/spec/task_name.h"
 #include "services/spec/task_roles.h"
 #include "worker/task/attempt.h"
 #include "worker/task/judge.h"
@@ -39,15 +41,41 @@ class TaskReport {
 };
 
 // The tabletop's objects and those that the task asks for.
-std::vector<std::string> ObjectsFor(const TaskSpec& task) {
+std::vector<std::string> ObjectsFor(const TaskName& task) {
   std::vector<std::string> objects = TabletopObjects();
-  for (const auto& name : task.reference.only) {
+  for (const auto& name : task.spec->reference.only) {
     const auto& classes = GeneratedClasses();  // of one, any instance will do
     const bool is_class = std::ranges::find(classes, name) != classes.end();
     const std::string object = is_class ? GeneratedObject(name, 0) : name;
     if (std::ranges::find(objects, object) == objects.end() && CheckObjectName(object)) objects.push_back(object);
   }
+  for (const auto& name : task::NamedObjects(*task.spec, {})) {
+    const bool put_there = name == kObstacleObject && task.avoid == "obstacle";
+    if (!put_there && std::ranges::find(objects, name) == objects.end()) objects.push_back(name);
+  }
   return objects;
+}
+
+// Some of `objects` are drawn for each scene, unless predicates name any: these have to stand in all scenes, so that
+// all have the same few: the named ones, then what may be the reference, then others; one of a class, as on every
+// table.
+void ChooseObjects(const TaskSpec& task, const std::vector<std::string>& objects, CampaignSpec& spec) {
+  spec.objects = objects;
+  spec.objects_per_scene = kOnTable;
+  const auto named = task::NamedObjects(task, SceneNames(objects));
+  if (named.empty()) return;
+  const auto rank = [&](const std::string& object) {
+    if (std::ranges::count(named, SceneName(object)) > 0) return 0;
+    return task.MayRefer("", object) ? 1 : 2;  // whatever the target is
+  };
+  std::ranges::stable_sort(spec.objects, {}, rank);
+  std::set<std::string> nouns;
+  std::erase_if(spec.objects, [&](const std::string& object) {
+    return !nouns.insert(ObjectNoun(object)).second && rank(object) > 0;
+  });
+  const int least = static_cast<int>(std::ranges::count(spec.objects, 0, rank)) + (task.reference.needed ? 1 : 0);
+  spec.objects.resize(std::min(spec.objects.size(), static_cast<std::size_t>(std::max(kOnTable, least))));
+  spec.objects_per_scene = 0;
 }
 
 std::string StageWords(const StageSpec& stage) {
@@ -148,8 +176,7 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
   CampaignSpec spec;
   spec.robots = {robot};
   spec.tasks = {task.text()};
-  spec.objects = trials.objects;
-  spec.objects_per_scene = kOnTable;
+  ChooseObjects(*task.spec, trials.objects, spec);
   ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, trials.renderer));
   int succeeded = 0;
   std::map<std::string, int> reasons;
@@ -176,7 +203,7 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
 
 Status CheckTaskFile(const std::string& name, const TaskCheckOptions& options, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-  const std::vector<std::string> objects = ObjectsFor(*task.spec);
+  const std::vector<std::string> objects = ObjectsFor(task);
   ETUDE_RETURN_IF_ERROR(task::CheckPredicates(*task.spec, SceneNames(objects)));
   TaskReport report(options.as_json);
   ETUDE_RETURN_IF_ERROR(PrintMeaning(task, objects, report));

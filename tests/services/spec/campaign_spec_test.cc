@@ -121,7 +121,10 @@ TEST(CampaignSpec, RefusesRobotsTasksAndObjectsThatAreNotKnownOrDoNotFit) {
        {"objects=[cube, coke, pepsi, milk, bread, bottle, mug_00]", "7 on the table, between 1 and 6 fit; set obj"},
        {"objects_per_scene=7", "objects_per_scene: 7 of 6 objects"},
        {"objects_per_scene=-1", "objects: -1 on the table"},
-       {"objects=[my/duck, your/duck]", "objects: each name at most once"}});
+       {"objects=[my/duck, your/duck]", "objects: each name at most once"},
+       {"objects=[cube, my/coke]", "objects: 'my/coke': sentences would call it what the built-in coke is called"},
+       {"objects=[cube, my/basketball/object.yaml]",
+        "what the built-in basketball is called; give its folder another"}});
 }
 
 // before, all that such a campaign made said one side and showed the other, and its judge agreed
@@ -158,6 +161,7 @@ TEST(CampaignSpec, ARolloutsKeysAreLookedAtInRolloutsOnly) {
 TEST(CampaignSpec, TakesEveryRangeUpToItsEnds) {
   for (const char* text : {"task_weights=[0.001, 1, 1000]",
                            "objects=[cube]",
+                           "objects=[cube, my/duck, my/mug_00]",
                            "objects_per_scene=6",
                            "objects_per_scene=1",
                            "episodes=1",

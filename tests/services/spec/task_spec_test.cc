@@ -178,6 +178,15 @@ TEST(TaskSpec, WhereAThingIsCarriedHasANameOfItsOwn) {
   EXPECT_THAT(Carrying("carry: {to: left, room: 0.6}"), MessageHas("room: 0.6 not in 0..0.5"));
 }
 
+// both hold the target as it was grasped: such a task was accepted, and its demonstrations turned the target back
+TEST(TaskSpec, WhatIsTurnedIsNeitherLiftedNorCarried) {
+  EXPECT_THAT(Carrying("turn, carry: {to: left}, place: {to: left}"),
+              MessageHas("stages[4].carry: cannot come after turn: the hand would turn the target back"));
+  EXPECT_THAT(Carrying("turn, hold, lift"), MessageHas("stages[5].lift: cannot come after turn"));
+  EXPECT_THAT(Carrying("lift, carry: {to: left}, turn, place"), IsOk());
+  EXPECT_THAT(Carrying("turn, place, release, approach, reach, grasp, lift"), IsOk()) << "it was let go";
+}
+
 // One letter a stage, and the stage.
 const std::vector<std::pair<char, StageSpec>>& Alphabet() {
   static const std::vector<std::pair<char, StageSpec>> letters{{'a', ApproachSpec{}}, {'A', ApproachSpec{.to = "push"}},
@@ -191,7 +200,7 @@ const std::vector<std::pair<char, StageSpec>>& Alphabet() {
 
 // Which stages may follow which, said once more as a regular expression: round after round of a grasp or a push.
 TEST(TaskSpec, StagesFollowFromOneAnotherInEverySequence) {
-  const std::regex possible("(h|b|ah*rh*g[ltph]*e|Ah*u)*(|ah*|ah*rh*|ah*rh*g[ltph]*|Ah*)");
+  const std::regex possible("(h|b|ah*rh*g[lph]*[tph]*e|Ah*u)*(|ah*|ah*rh*|ah*rh*g[lph]*[tph]*|Ah*)");
   TaskSpec task{.name = "any", .words = {.verbs = {"do"}}};
   int good = 0;
   const std::function<void(const std::string&)> look = [&](const std::string& word) {
@@ -344,6 +353,16 @@ TEST(TaskRoles, AClassMayBeNamedForAllItsInstances) {
   EXPECT_FALSE(task.MayRefer("cube", "cube"));
   task.reference.needed = false;
   EXPECT_FALSE(task.MayRefer("cube", "mug_03"));
+}
+
+// its scenes and data sets call it by its folder alone, and the campaign's way to it may be another
+TEST(TaskRoles, APathMeansTheObjectOfItsFolder) {
+  TaskSpec task;
+  task.reference = {.needed = true, .only = {"things/box", "things/mug_00"}};
+  for (const char* name : {"box", "things/box", "./things/box/object.yaml", "mug_00", "other/mug_00"})
+    EXPECT_TRUE(task.MayRefer("cube", name)) << name;
+  for (const char* name : {"things/crate", "mug_01", "things/mug_01"})
+    EXPECT_FALSE(task.MayRefer("cube", name)) << name;
 }
 
 TEST(TaskRoles, WhatIsMissingIsPutInThePlaceOfTheLast) {

@@ -465,6 +465,22 @@ TEST_F(BrokenRobot, IsNotBrokenByWhatItsMakersLike) {
   EXPECT_TRUE(world.healthy());
 }
 
+// it was left out as one that nothing has, and MuJoCo refused the tendon
+TEST_F(BrokenRobot, ATendonMayHaveAMaterialOfItsOwn) {
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"fore_beam\" mass=\"1.5\"/>",
+          "<geom type=\"mesh\" mesh=\"fore_beam\" mass=\"1.5\"/><site name=\"knot\"/>");
+  Replace("sketch/sketch.xml", "<actuator>",
+          "<tendon><spatial name=\"cord\" material=\"hemp\"><site site=\"knot\"/><site site=\"grip\"/></spatial>"
+          "</tendon>\n<actuator>");
+  Replace("sketch/assets.xml", "<material name=\"metal\"",
+          "<material name=\"hemp\" rgba=\"0.7 0.6 0.4 1\"/><material name=\"metal\"");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel* mj = (*scene)->model().mj.get();
+  ASSERT_EQ(mj->ntendon, 1);
+  EXPECT_STREQ(mj_id2name(mj, mjOBJ_MATERIAL, mj->tendon_matid[0]), "user_hemp");
+}
+
 TEST_F(BrokenRobot, TurnsObjectsTowardsLevelUnlessToldOtherwise) {
   constexpr double kPi = 3.14159265358979;
   EXPECT_NEAR(LoadRobot(folder_ / "sketch.yaml")->model.turned_pitch, 0, 1e-3);
@@ -472,6 +488,16 @@ TEST_F(BrokenRobot, TurnsObjectsTowardsLevelUnlessToldOtherwise) {
   EXPECT_NEAR(LoadRobot(folder_ / "sketch.yaml")->model.turned_pitch, kPi, 1e-3);
   Replace("sketch.yaml", "turn: 1.5708\n", "turn: 1\n");
   EXPECT_THAT(Load().message, testing::HasSubstr("turn: 1"));
+}
+
+// the stages of a level hand know no other way: what the file said was accepted and not done
+TEST_F(BrokenRobot, ALevelHandTurnsObjectsOverByPointingDown) {
+  Replace("sketch.yaml", "approach_pitch: 1.5708", "turn: -1.5708\napproach_pitch: 0");
+  EXPECT_THAT(Load().message, testing::HasSubstr("turn: -1.5708: a level hand turns an object over by pointing down"));
+  Replace("sketch.yaml", "turn: -1.5708\n", "turn: 1.5708\n");
+  EXPECT_TRUE(LoadRobot(folder_ / "sketch.yaml"));
+  Replace("sketch.yaml", "approach_pitch: 0", "approach_pitch: -0.3");
+  EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch: -0.3: 0 (level) or more"));
 }
 
 // Half of the torque is left for everything else; what the judge allows stays what the maker says.

@@ -41,6 +41,17 @@ TEST_F(TaskCheck, SaysWhatATaskOfTheUsersMeansAndTriesIt) {
     EXPECT_THAT(said, testing::HasSubstr(part));
 }
 
+// they have to stand in every scene: the check drew some objects for each, and was refused its own scenes
+TEST_F(TaskCheck, TriesATaskWhosePredicatesNameObjects) {
+  std::string text = kFetch;
+  text.replace(text.find("grasped]"), 8,
+               "{untouched: {objects: mug_00, within: 1 m}}, {untouched: {objects: bottle, within: 1 m}}]");
+  testing::internal::CaptureStdout();
+  const Status status = Check(text);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(said, testing::HasSubstr("of 1 demonstrations succeed")) << (status ? "" : status.error().message);
+}
+
 TEST_F(TaskCheck, AsJsonIsOneObject) {
   const std::string file = (folder_.path() / "fetch.yaml").string();
   ASSERT_THAT(WriteFileAtomically(file, std::string_view(kFetch)), IsOk());
