@@ -132,6 +132,13 @@ Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t
   return ReadWhole<std::vector<std::uint8_t>>(path, max_bytes);
 }
 
+Result<std::optional<std::string>> ReadTextFileIfThere(const Path& path, std::uint64_t max_bytes) {
+  auto text = ReadTextFile(path, max_bytes);
+  if (text) return std::optional(std::move(*text));
+  if (text.error().code == Code::kNotFound) return std::optional<std::string>();
+  return Fail(std::move(text).error());
+}
+
 Status MakeFolders(const Path& folder) {
   std::error_code error;
   if (folder.empty() || std::filesystem::is_directory(folder, error)) return {};

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,6 +25,8 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
 /// @error kNotFound, kUnavailable; kExhausted when larger than `max_bytes`.
 Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes = 1ull << 30);
 Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t max_bytes = 1ull << 34);
+/// As ReadTextFile; nothing where there is no such file.
+Result<std::optional<std::string>> ReadTextFileIfThere(const Path& path, std::uint64_t max_bytes = 1ull << 30);
 
 /// Reads from `offset` on until `bytes` is full or the file ends. @return how many bytes were read
 Result<std::size_t> ReadAt(int fd, const Path& path, std::uint64_t offset, std::span<std::uint8_t> bytes);

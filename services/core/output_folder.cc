@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/core/output_folder.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <system_error>
 
@@ -21,6 +23,13 @@ Path Plain(const Path& out) {
   return error ? whole : leads_to;
 }
 
+// Where that cannot be asked, it is taken for none.
+bool IsMountPoint(const Path& folder) {
+  struct statx info {};
+  return ::statx(AT_FDCWD, folder.c_str(), 0, STATX_TYPE, &info) == 0 &&
+         (info.stx_attributes_mask & info.stx_attributes & STATX_ATTR_MOUNT_ROOT) != 0;
+}
+
 }  // namespace
 
 Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover) {
@@ -34,6 +43,10 @@ Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover) {
   if (fs::exists(place, error) && !(fs::is_directory(place, error) && fs::is_empty(place, error)))
     return Fail(Code::kInvalidArgument,
                 fmt::format("'{}' is there already; name another place, nothing is written over", place.string()));
+  if (IsMountPoint(place))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("a disk is mounted at '{}', over which nothing can be renamed: name a folder in it",
+                            place.string()));
   if (fs::exists(partial, error)) {
     if (leftover == Leftover::kRefuse)
       return Fail(Code::kInvalidArgument,

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "services/core/check.h"
+#include "services/core/hash.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/tracks.h"
 
@@ -337,6 +338,21 @@ std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
   for (const auto& track : episode.cameras)
     for (const auto& frame : track.frames) append(frame.data(), frame.size());
   return bytes;
+}
+
+// As EncodeEpisode lays them out.
+std::string EpisodeSha256(const Episode& episode, const FrameSpans& frames) {
+  ArrayList arrays = ArraysOf(episode);
+  const std::string header = HeaderText(episode, frames, std::move(arrays.entries));
+  const auto header_size = static_cast<std::uint32_t>(header.size());
+  Sha256 hash;
+  hash.Update(kMagic);
+  hash.Update(Bytes(reinterpret_cast<const std::uint8_t*>(&header_size), sizeof(header_size)));
+  hash.Update(header);
+  for (const Bytes blob : arrays.blobs) hash.Update(blob);
+  for (const auto& camera : frames)
+    for (const Bytes frame : camera) hash.Update(frame);
+  return ToHex(hash.Finish());
 }
 
 namespace {

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "services/core/result.h"
@@ -49,6 +50,10 @@ Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes);
 using FrameSpans = std::vector<std::vector<std::span<const std::uint8_t>>>;
 /// Those of an episode that holds them; valid as long as it is.
 FrameSpans FramesOf(const Episode& episode);
+
+/// SHA-256, hex, of EncodeEpisode's bytes, which are not made for it. The pictures are those of `frames`, wherever they
+/// lie, and not those that the episode may hold.
+std::string EpisodeSha256(const Episode& episode, const FrameSpans& frames);
 
 /// An episode whose pictures were left where they are.
 struct EpisodeView {

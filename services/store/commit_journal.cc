@@ -319,6 +319,11 @@ Status RewriteJournal(const Path& path, const std::vector<bool>& stands) {
 
 }  // namespace
 
+void ForEachCommit(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
+                   const std::function<void(const CommitRow&)>& take) {
+  ReadJournal(dataset / internal::kCommits, bytes_of, take);
+}
+
 Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
                                           const std::function<void(const CommitRow&)>& found_row) {
   const Path path = dataset / internal::kCommits;

@@ -70,6 +70,12 @@ std::string LineOf(const CommitRow& row);
 /// a value of another kind
 Result<CommitRow> ParseCommitLine(std::string_view line);
 
+/// Calls `take` with each line of an episode that is there, in their order, as CommitJournal::Open does: one of a file
+/// of another size, or that comes again, is none. The journal stays as it is; where there is none, it has no lines.
+/// @param bytes_of  size of every committed episode's file
+void ForEachCommit(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
+                   const std::function<void(const CommitRow&)>& take);
+
 /// The writing end, of who holds the dataset's lock. Not thread-safe.
 class CommitJournal {
  public:

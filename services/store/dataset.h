@@ -6,7 +6,8 @@
 //                               where it was made of other datasets (edit.h)
 //     episodes/000/000123.hdf5  one episode: temporary name -> fsync -> rename -> fsync of the folder
 //     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
-//     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
+//     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details; attempts.<n>.jsonl those
+//                               before files were mended, which nobody counts any more
 //     commits.jsonl             every committed episode in a line (commit_journal.h): a cache of what the files hold
 //     sampling.jsonl            from which index on which sampling weights hold (sampling_journal.h); most have none
 //     filters.json              episodes that someone picked, by a name (filter_keys.h); most have none
@@ -71,8 +72,9 @@ class DatasetWriter {
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
-  /// Takes the failures until now for not recorded: what comes back gets a line of its own, and counts anew.
-  void ForgetFailures();
+  /// Sets the failures until now aside, in a file of their own that is there for people: what comes back is recorded
+  /// and counts anew. Durable when it returns. @error kUnavailable
+  Status ForgetFailures();
   /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
   /// the lines that it lacks. Call at the end: its time grows with the dataset, and commits go on meanwhile. Everything
   /// in it is derived from the episode files, of which only those are read that the journal lacks.
@@ -151,13 +153,15 @@ struct VerifyReport {
   };
   std::vector<Bad> bad;     ///< their content is wrong
   std::vector<Bad> unread;  ///< could not be read this time; never moved
+  Status moved;             ///< why the first of the bad that could not be moved stays, and with it those that follow
 };
 
 enum class Quarantine { kNo, kYes };
 
 /// Reads every byte of every episode (checksums, every frame inflated, row counts), and whether it was made with the
 /// weights that the sampling journal has for its index. With kYes bad
-/// files are moved to quarantine/, so that a collector that resumes makes them again.
+/// files are moved to quarantine/, so that a collector that resumes makes them again; where that fails the report says
+/// so.
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine);
 
 /// SHA-256 over (index, content) of every episode in order, and over its sampling journal where it has one: independent

@@ -15,7 +15,6 @@
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
-#include "services/spec/task_files.h"
 #include "services/store/attempts.h"
 #include "services/store/commit_file.h"
 #include "services/store/commit_journal.h"
@@ -64,22 +63,9 @@ Status CheckFresh(const Path& dataset) {
 }
 
 Status CheckSpec(const Path& dataset, const internal::DatasetFile& found, const CampaignSpec& now) {
-  if (found.schema_version != kSchemaVersion)
+  if (const std::string why = internal::WhyClosed(found); !why.empty())
     return Fail(Code::kInvalidArgument,
-                fmt::format("dataset '{}' has schema version {}, new episodes have {}: it can be read and trained on, "
-                            "but not added to; collect into another folder",
-                            dataset.string(), found.schema_version, kSchemaVersion));
-  if (found.content != kContentVersion)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("dataset '{}' was made with content version {}, new episodes have {}: the same spec would "
-                            "not make the same bytes; collect into another folder",
-                            dataset.string(), found.content, kContentVersion));
-  if (found.spec_sha256 != SpecHash(found.spec))
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("dataset '{}': {}; new episodes would not be of one spec with those in it; collect into another "
-                    "folder",
-                    dataset.string(), WhyHashDiffers(found.spec)));
+                fmt::format("dataset '{}' {}; collect into another folder", dataset.string(), why));
   const CampaignSpec& made_from = found.spec;
   if (made_from.name != now.name && now.mode == "demonstrate")
     return Fail(Code::kInvalidArgument,
@@ -98,24 +84,6 @@ std::set<AttemptId> RecordedAttempts(const Path& dataset) {
   std::set<AttemptId> attempts;
   ForEachAttempt(dataset, [&](const AttemptLine& line) { attempts.emplace(line.index, line.attempt, line.outcome); });
   return attempts;
-}
-
-// Of the episodes that are there; 0 where the file cannot be asked.
-std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files) {
-  std::map<std::uint64_t, std::uint64_t> sizes;
-  for (const auto& path : files) {
-    const auto index = internal::IndexOf(path);
-    if (!index) continue;
-    std::error_code error;
-    const auto bytes = std::filesystem::file_size(path, error);
-    sizes[*index] = error ? 0 : bytes;
-  }
-  return sizes;
-}
-
-internal::EpisodeSummary SummaryOf(const CommitRow& row) {
-  return {row.task,    row.target, row.outcome, row.success, row.steps,
-          row.samples, row.frames, row.bytes,   row.scene,   row.planned};
 }
 
 // When a file was committed, seconds since 1970, as well as its folder knows.
@@ -208,7 +176,7 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   const MutexLock writing(impl->mutex);
   impl->recorded = RecordedAttempts(dataset);
   impl->failures = internal::FailuresByOutcome(dataset);
-  ETUDE_RETURN_IF_ERROR(impl->Restore(SizesOf(files)));
+  ETUDE_RETURN_IF_ERROR(impl->Restore(internal::SizesOf(files)));
   return DatasetWriter(std::move(impl));
 }
 
@@ -217,7 +185,7 @@ Status DatasetWriter::Impl::Restore(const std::map<std::uint64_t, std::uint64_t>
   std::unordered_set<std::uint64_t> counted;
   ETUDE_ASSIGN_OR_RETURN(commits, CommitJournal::Open(dataset, sizes, [&](const CommitRow& row) ETUDE_REQUIRES(mutex) {
                            if (row.counted) {
-                             Take(row.index, SummaryOf(row));
+                             Take(row.index, internal::SummaryOf(row));
                              counted.insert(row.index);
                            } else {
                              uncounted[row.index] = row;
@@ -288,7 +256,7 @@ void DatasetWriter::Impl::Account(const ArrivedEpisode& arrived, std::uint64_t b
   row.facts = arrived.facts;
   row.t = WallSeconds();
   committed.insert(row.index);
-  Take(row.index, SummaryOf(row));
+  Take(row.index, internal::SummaryOf(row));
   Note(row);
 }
 
@@ -344,10 +312,21 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
   return {};
 }
 
-void DatasetWriter::ForgetFailures() {
+Status DatasetWriter::ForgetFailures() {
   const MutexLock lock(impl_->mutex);
+  if (impl_->recorded.empty()) return {};
+  const Path file = impl_->dataset / internal::kAttempts;
+  Path aside = impl_->dataset / "attempts.1.jsonl";
+  std::error_code error;
+  for (int n = 2; std::filesystem::exists(aside, error); ++n)
+    aside = impl_->dataset / fmt::format("attempts.{}.jsonl", n);
+  std::filesystem::rename(file, aside, error);
+  if (error) return Fail(ErrnoError("set aside", file, error.value()));
+  ETUDE_ASSIGN_OR_RETURN(impl_->attempts, LineAppender::Open(file));
+  ETUDE_RETURN_IF_ERROR(SyncFolder(impl_->dataset));
   impl_->recorded.clear();
   impl_->failures.clear();
+  return {};
 }
 
 // Reads what an earlier run committed and the journal lacks. A file that cannot be read stays out of both.
@@ -409,7 +388,7 @@ Status DatasetWriter::Impl::WriteStatistics() {
 Status DatasetWriter::Impl::WriteLinks() {
   auto links = CopyEntries();
   std::ranges::sort(links, {}, &internal::MasterEntry::index);
-  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(dataset, spec, links));
+  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(dataset, spec, spec_sha256, links));
   in_master = links.size();
   return {};
 }

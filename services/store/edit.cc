@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/edit.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 
+#include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 #include "services/store/attempts.h"
+#include "services/store/commit_journal.h"
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 #include "services/store/master_file.h"
@@ -76,9 +81,8 @@ Result<std::vector<std::uint64_t>> Candidates(const DatasetReader& reader, const
 // The same file under another name where the file system can, else a copy.
 Status LinkOrCopy(const Path& from, const Path& to) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(to.parent_path()));
+  if (internal::HardLink(from, to) == 0) return {};
   std::error_code error;
-  fs::create_hard_link(from, to, error);
-  if (!error) return {};
   fs::copy_file(from, to, error);
   if (error) return Fail(ErrnoError("copy", from, error.value()));
   return SyncFile(to);
@@ -126,13 +130,14 @@ Result<std::vector<std::uint64_t>> Select(const Path& dataset, const Selection& 
 }
 
 Status CopyEpisodes(const Path& dataset, const std::vector<std::uint64_t>& indices, const Path& out, Leftover leftover,
-                    const EditProgress& progress) {
+                    const EditProgress& progress, const EditFinish& finish) {
   if (Status there = CheckDataset(dataset); !there) return there;
   if (indices.empty())
     return Fail(Code::kInvalidArgument,
                 fmt::format("no episode of '{}' is chosen: nothing to write to '{}'", dataset.string(), out.string()));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   ETUDE_RETURN_IF_ERROR(internal::FillDataset(folder.path(), {{dataset, {indices.begin(), indices.end()}}}, progress));
+  if (finish) ETUDE_RETURN_IF_ERROR(finish(folder.path()));
   return folder.Commit();
 }
 
@@ -167,15 +172,18 @@ bool IsDerived(const Path& dataset) {
   return description.is_object() && description.contains("derived") && description["derived"] == true;
 }
 
+bool CanBeMadeAgain(const Path& dataset) {
+  const auto found = internal::ReadDatasetFile(dataset);
+  return found && internal::WhyClosed(*found).empty() && !IsDerived(dataset);
+}
+
 namespace internal {
 
 Status CopyDescription(const Path& from, const Path& to) {
   ETUDE_ASSIGN_OR_RETURN(const std::string description, ReadTextFile(from / kDatasetJson));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(to / kDatasetJson, description));
-  const auto journal = ReadTextFile(from / kSampling);
-  if (!journal && journal.error().code == Code::kNotFound) return {};
-  if (!journal) return Fail(journal.error());
-  return WriteFileAtomically(to / kSampling, *journal);
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, ReadTextFileIfThere(from / kSampling));
+  return journal ? WriteFileAtomically(to / kSampling, *journal) : Status();
 }
 
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to) {
@@ -203,6 +211,10 @@ Status SyncEpisodeFolders(const Path& dataset) {
   for (const auto& file : files) folders.insert(file.parent_path());
   for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
   return {};
+}
+
+int HardLink(const Path& from, const Path& to) {
+  return ::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
 }
 
 Status CheckNotStopped(const Path& dataset) {
@@ -237,9 +249,8 @@ Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, co
 
 Status FinishDeletion(const Path& dataset) {
   const Path intent = dataset / kDeleting;
-  const auto text = ReadTextFile(intent, 64 << 20);
-  if (!text && text.error().code == Code::kNotFound) return {};
-  if (!text) return Fail(text.error());
+  ETUDE_ASSIGN_OR_RETURN(const auto text, ReadTextFileIfThere(intent, 64 << 20));
+  if (!text) return {};
   const OrderedJson json = ParseBoundedJson(*text).value_or(OrderedJson());
   std::set<std::uint64_t> indices;
   if (json.is_array())
@@ -269,11 +280,20 @@ Status FinishDeletion(const Path& dataset) {
 
 Status RefreshDerived(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
-  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  ETUDE_ASSIGN_OR_RETURN(const auto files, ListEpisodeFolder(dataset));
+  const auto sizes = SizesOf(files);
   std::map<std::uint64_t, EpisodeSummary> summaries;
-  for (const std::uint64_t index : indices)
-    if (const auto record = reader.Read(index)) summaries[index] = Summarize(*record);  // others verify finds
-  ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), EntriesOf(summaries)));
+  ForEachCommit(dataset, sizes, [&](const CommitRow& row) {
+    if (row.counted) summaries[row.index] = SummaryOf(row);
+  });
+  for (const auto& [index, bytes] : sizes) {
+    if (summaries.contains(index)) continue;
+    if (const auto record = reader.Read(index))
+      summaries[index] = Summarize(*record);
+    else  // verify sets damaged ones aside
+      Log().warn("left out of the master file: {}", record.error().message);
+  }
+  ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), reader.spec_sha256(), EntriesOf(summaries)));
 
   OrderedJson statistics = StatisticsOf(reader.spec(), summaries);
   statistics["failed_attempts"] = FailuresByOutcome(dataset);

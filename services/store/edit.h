@@ -43,17 +43,20 @@ struct PartShare {
   double share = 0;  ///< > 0; relative to the sum of all
 };
 /// Deals the episodes at random, always the same for the same episodes: counts are the shares', rounded.
-/// @error kInvalidArgument: no part, a name that is not plain or comes twice, a share that is not positive; kNotFound
+/// @error kInvalidArgument: no part, a name that is not plain or comes twice, a share that is not positive, shares that
+/// are too large to be added up; kNotFound
 Result<Groups> DealEpisodes(const Path& dataset, const std::vector<PartShare>& parts);
 
 /// Called now and then.
 using EditProgress = std::function<void(std::uint64_t done, std::uint64_t total)>;
+/// Called with the new dataset's folder before it appears under its own name: what else belongs to it.
+using EditFinish = std::function<Status(const Path& folder)>;
 
 /// A dataset of some episodes of another, with its spec, its sampling journal and what attempts.jsonl and filter keys
 /// say of them. OUT appears when all of it is durable; the source may grow meanwhile.
 /// @error kInvalidArgument: OUT is there, no episode is chosen; as of the store and the disk
 Status CopyEpisodes(const Path& dataset, const std::vector<std::uint64_t>& indices, const Path& out, Leftover leftover,
-                    const EditProgress& progress = {});
+                    const EditProgress& progress = {}, const EditFinish& finish = {});
 
 struct MergeReport {
   std::uint64_t episodes = 0;
@@ -64,10 +67,11 @@ struct MergeReport {
 /// different specs: episodes are numbered anew in the order of `datasets`, are of a spec that names all their robots,
 /// tasks and objects, and say where they come from (details.merged_from); whether one is for training follows its new
 /// number. Filter keys come along, each of all that has a key of its name.
+/// @param finish  called where the datasets are of one spec
 /// @error kInvalidArgument: fewer than two, OUT is there, one index with two contents, other sampling journals of one
 /// spec, pictures of other sizes or rates; as of the store and the disk
 Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
-                                  const EditProgress& progress = {});
+                                  const EditProgress& progress = {}, const EditFinish& finish = {});
 
 struct LinkReport {
   std::uint64_t episodes = 0;
@@ -82,7 +86,7 @@ struct LinkReport {
 /// that two of them have, one of an older schema or content, a shard that lies on another filesystem than OUT; as of
 /// the store and the disk
 Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
-                                const EditProgress& progress = {});
+                                const EditProgress& progress = {}, const EditFinish& finish = {});
 
 /// Removes episodes for good. All of them or none, also where the machine dies meanwhile: a deletion that began is
 /// ended by the next command that writes the dataset. A campaign that goes on in the folder makes them again.
@@ -96,6 +100,9 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
 Status MarkDerived(const Path& dataset);
 /// Whether that is said of it. What cannot be read says nothing.
 bool IsDerived(const Path& dataset);
+/// Whether a collector that goes on in the folder makes again what is not there: not where the dataset was made of
+/// others, or by a program or of files that are not those of now. What cannot be read says nothing.
+bool CanBeMadeAgain(const Path& dataset);
 
 namespace internal {
 
@@ -115,6 +122,8 @@ Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to);
 /// What the sources' filter keys say of the episodes that come along.
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to);
 Status SyncEpisodeFolders(const Path& dataset);
+/// The same file under another name; of a symbolic link, what it leads to. @returns errno, or 0
+int HardLink(const Path& from, const Path& to);
 /// @error kExhausted: a stop was requested, and nothing was written yet
 Status CheckNotStopped(const Path& dataset);
 /// @error kExhausted: a stop was requested, after `done` of `total` episodes were put into `to`
@@ -126,7 +135,8 @@ Status CheckOneJournal(const std::vector<Path>& datasets, std::string_view comma
 Status FinishDeletion(const Path& dataset);
 /// Removes these from the dataset's filter keys. @pre the lock is held
 Status ForgetEpisodes(const Path& dataset, const std::set<std::uint64_t>& indices);
-/// Rewrites master file and statistics from the episode files, whatever schema they have. @pre the lock is held, or the
+/// Rewrites master file and statistics from the journal of commits, and from the episode files that it does not count,
+/// whatever schema they have; what of those cannot be read is left out, and logged. @pre the lock is held, or the
 /// folder is nobody else's
 Status RefreshDerived(const Path& dataset);
 

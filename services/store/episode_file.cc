@@ -223,7 +223,7 @@ std::string EnvArgs() {
       .dump();
 }
 
-std::string ContentHash(const Episode& episode) { return Sha256Hex(EncodeEpisode(episode)); }
+std::string ContentHash(const Episode& episode) { return EpisodeSha256(episode, FramesOf(episode)); }
 
 Status CheckFrames(const Episode& episode, const FrameSpans& frames, std::uint64_t every) {
   std::vector<std::uint8_t> pixels;

@@ -54,6 +54,8 @@ struct EpisodeFile {
 
 /// @error kCorrupt: the seal is missing or broken, or the content is not an episode.
 Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes);
+/// Where its frames lie in `bytes`, the same that were decoded.
+FrameSpans FramesIn(const EpisodeFile& file, std::span<const std::uint8_t> bytes);
 /// Copies the frames out of `bytes`, the same that were decoded.
 Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes);
 

@@ -175,12 +175,17 @@ Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes) {
   return result;
 }
 
-Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes) {
+FrameSpans FramesIn(const EpisodeFile& file, std::span<const std::uint8_t> bytes) {
+  FrameSpans frames(file.frames.size());
   for (std::size_t c = 0; c < file.frames.size(); ++c)
-    for (const auto& location : file.frames[c]) {
-      const auto stream = bytes.subspan(location.offset, location.size);
-      file.episode.cameras[c].frames.emplace_back(stream.begin(), stream.end());
-    }
+    for (const auto& location : file.frames[c]) frames[c].push_back(bytes.subspan(location.offset, location.size));
+  return frames;
+}
+
+Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes) {
+  const FrameSpans frames = FramesIn(file, bytes);
+  for (std::size_t c = 0; c < frames.size(); ++c)
+    for (const auto stream : frames[c]) file.episode.cameras[c].frames.emplace_back(stream.begin(), stream.end());
   return std::move(file.episode);
 }
 

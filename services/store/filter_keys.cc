@@ -25,9 +25,8 @@ bool ParseNumber(std::string_view text, std::uint64_t& number) {
 
 Result<FilterKeys> ReadFilterKeys(const Path& dataset) {
   const Path path = dataset / internal::kFilters;
-  const auto text = ReadTextFile(path, kMaxKeysFile);
-  if (!text && text.error().code == Code::kNotFound) return FilterKeys();
-  if (!text) return Fail(text.error());
+  ETUDE_ASSIGN_OR_RETURN(const auto text, ReadTextFileIfThere(path, kMaxKeysFile));
+  if (!text) return FilterKeys();
   const auto bad = [&](const std::string& what) {
     return Fail(Code::kCorrupt, fmt::format("read '{}': {}; mend it or remove it", path.string(), what));
   };

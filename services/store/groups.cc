@@ -75,6 +75,9 @@ Result<Groups> DealEpisodes(const Path& dataset, const std::vector<PartShare>& p
   rng.Shuffle(indices);
   double total = 0, until = 0;
   for (const auto& part : parts) total += part.share;
+  // the products below are at most this one
+  if (!std::isfinite(static_cast<double>(indices.size()) * total))
+    return Fail(Code::kInvalidArgument, "split: the shares add up to more than a number holds");
   Groups groups;
   std::size_t begin = 0;
   for (const auto& part : parts) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "services/episode/bounded_json.h"
+#include "services/spec/task_files.h"
 #include "services/store/dataset.h"
 
 namespace etude::store {
@@ -76,6 +77,18 @@ Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
   return files;
 }
 
+std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files) {
+  std::map<std::uint64_t, std::uint64_t> sizes;
+  for (const auto& path : files) {
+    const auto index = IndexOf(path);
+    if (!index) continue;
+    std::error_code error;
+    const auto bytes = fs::file_size(path, error);
+    sizes[*index] = error ? 0 : bytes;
+  }
+  return sizes;
+}
+
 Result<FileLock> LockDataset(const Path& dataset) {
   return FileLock::Take(dataset / kLock, fmt::format("dataset '{}' is being written", dataset.string()));
 }
@@ -120,6 +133,20 @@ Status WriteDatasetFile(const Path& dataset, const DatasetFile& content) {
                             {"spec", ToJson(content.spec)},
                             {"statistics", content.statistics}};
   return WriteFileAtomically(dataset / kDatasetJson, JsonText(json, 2) + "\n");
+}
+
+std::string WhyClosed(const DatasetFile& found) {
+  if (found.schema_version != kSchemaVersion)
+    return fmt::format("has schema version {}, new episodes have {}: it can be read and trained on, but not added to",
+                       found.schema_version, kSchemaVersion);
+  if (found.content != kContentVersion)
+    return fmt::format(
+        "was made with content version {}, new episodes have {}: the same spec would not make the same bytes",
+        found.content, kContentVersion);
+  if (found.spec_sha256 != SpecHash(found.spec))
+    return fmt::format("cannot be added to: {}; new episodes would not be of one spec with those in it",
+                       WhyHashDiffers(found.spec));
+  return "";
 }
 
 std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now) {

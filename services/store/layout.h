@@ -2,6 +2,8 @@
 // Names in a dataset's folder, its lock and its dataset.json.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,6 +33,8 @@ std::optional<std::uint64_t> IndexOf(const Path& path);
 /// Paths of all that lies two levels under episodes/, sorted: also of what is no file, so that verify can tell of it.
 /// @error kUnavailable
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset);
+/// Bytes of the episodes' files among these, by index; 0 where the file cannot be asked.
+std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files);
 
 /// Keeps other writers out as long as what it returns lives.
 /// @error kUnavailable when another one holds it (names the process), or the folder is not writable.
@@ -48,6 +52,8 @@ struct DatasetFile {
 /// @error kNotFound, kCorrupt, kInvalidArgument (a schema version that is not known)
 Result<DatasetFile> ReadDatasetFile(const Path& dataset);
 Status WriteDatasetFile(const Path& dataset, const DatasetFile& content);
+/// Why no episode can be added to it any more, as what follows "it"; "": one can.
+std::string WhyClosed(const DatasetFile& found);
 
 /// Keys of the spec that an episode's bytes depend on and that differ, as "seed (1, now 2)".
 std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now);

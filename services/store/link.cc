@@ -4,12 +4,12 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <iterator>
 #include <optional>
 #include <unordered_map>
 
-#include "services/spec/task_files.h"
 #include "services/store/attempts.h"
 #include "services/store/edit.h"
 #include "services/store/layout.h"
@@ -28,13 +28,9 @@ struct LinkedShard {
 Result<LinkedShard> OpenShard(const Path& path) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(path));
   ETUDE_ASSIGN_OR_RETURN(const auto description, internal::ReadDatasetFile(path));
-  if (description.schema_version != kSchemaVersion || description.content != kContentVersion ||
-      description.spec_sha256 != SpecHash(description.spec))
+  if (const std::string why = internal::WhyClosed(description); !why.empty())
     return Fail(Code::kInvalidArgument,
-                fmt::format("link '{}': it was made by an older program (schema {}, content {}; here {}, {}), or {}: "
-                            "`etude dataset merge` makes one of several",
-                            path.string(), description.schema_version, description.content, kSchemaVersion,
-                            kContentVersion, WhyHashDiffers(description.spec)));
+                fmt::format("link '{}': it {}; `etude dataset merge` makes one of several", path.string(), why));
   ETUDE_ASSIGN_OR_RETURN(auto indices, reader.List());
   return LinkedShard{path, reader.spec(), reader.spec_sha256(), std::move(indices)};
 }
@@ -98,11 +94,10 @@ Status CheckOneFilesystem(const std::vector<LinkedShard>& shards, const Path& ou
 
 Status LinkEpisode(const Path& from, const Path& to) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(to.parent_path()));
-  std::error_code error;
-  std::filesystem::create_hard_link(from, to, error);
-  if (!error) return {};
-  if (error == std::errc::cross_device_link) return OtherFilesystem(from, to);
-  Error failed = ErrnoError("make a hard link to", from, error.value());
+  const int error_number = internal::HardLink(from, to);
+  if (error_number == 0) return {};
+  if (error_number == EXDEV) return OtherFilesystem(from, to);
+  Error failed = ErrnoError("make a hard link to", from, error_number);
   failed.message += "; where there can be none, `etude dataset merge` copies";
   return Fail(std::move(failed));
 }
@@ -161,7 +156,7 @@ Status FillLinked(const std::vector<LinkedShard>& shards, const ShardOf& shard_o
 }  // namespace
 
 Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
-                                const EditProgress& progress) {
+                                const EditProgress& progress, const EditFinish& finish) {
   if (datasets.size() < 2)
     return Fail(Code::kInvalidArgument, fmt::format("link {} dataset(s): name at least two", datasets.size()));
   std::vector<LinkedShard> shards;
@@ -179,6 +174,7 @@ Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& o
   ETUDE_RETURN_IF_ERROR(CheckOneFilesystem(shards, out));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   ETUDE_RETURN_IF_ERROR(FillLinked(shards, shard_of, spec, folder.path(), progress));
+  if (finish) ETUDE_RETURN_IF_ERROR(finish(folder.path()));
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   return LinkReport{shard_of.size(), spec.episodes};
 }

@@ -16,8 +16,8 @@ namespace {
 
 constexpr std::string_view kLanguageMask = "lang_";
 
-Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const std::vector<MasterEntry>& episodes,
-                                              const FilterKeys& chosen) {
+Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const std::string& spec_sha256,
+                                              const std::vector<MasterEntry>& episodes, const FilterKeys& chosen) {
   HdfWriter file;
   std::int64_t total = 0;
   file.Group("/data");
@@ -28,7 +28,7 @@ Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const st
   }
   file.Attribute("/data", "total", total);
   file.Attribute("/data", "env_args", EnvArgs());
-  file.Attribute("/data", "spec_sha256", SpecHash(spec));
+  file.Attribute("/data", "spec_sha256", spec_sha256);
   for (const auto& [name, demos] : MasksOf(spec, episodes, chosen)) file.FixedStrings("/mask/" + name, demos);
   return file.Finish();
 }
@@ -78,10 +78,11 @@ bool MasterIsDue(std::uint64_t episodes, std::uint64_t written) {
   return episodes <= kFew || episodes - written >= written / 4;
 }
 
-Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes) {
+Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::string& spec_sha256,
+                       const std::vector<MasterEntry>& episodes) {
   // keys that cannot be read keep no collector from its work; whoever reads or changes them is told
   const FilterKeys chosen = ReadFilterKeys(dataset).value_or(FilterKeys());
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, episodes, chosen));
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, spec_sha256, episodes, chosen));
   return WriteFileAtomically(dataset / kMasterFile, bytes);
 }
 

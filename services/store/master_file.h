@@ -39,6 +39,8 @@ bool MasterIsDue(std::uint64_t episodes, std::uint64_t written);
 
 /// Rewrites DATASET/dataset.hdf5 by rename: /data/demo_<i> as external links into the episodes'
 /// files, /mask/{train,valid,test}, /mask/<task> and the dataset's own filter keys as fixed-length byte strings.
-Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes);
+/// @param spec_sha256  as the dataset says it (DatasetReader::spec_sha256): here its spec may have another one
+Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::string& spec_sha256,
+                       const std::vector<MasterEntry>& episodes);
 
 }  // namespace etude::store::internal

@@ -6,7 +6,6 @@
 
 #include "services/core/config.h"
 #include "services/core/hash.h"
-#include "services/core/stop.h"
 #include "services/store/edit.h"
 #include "services/store/episode_file.h"
 #include "services/store/filter_keys.h"
@@ -34,23 +33,11 @@ Result<std::vector<Part>> OpenParts(const std::vector<Path>& datasets) {
   return parts;
 }
 
-// The journal's text, "" where there is none.
-Result<std::string> JournalOf(const Path& dataset) {
-  auto text = ReadTextFile(dataset / internal::kSampling);
-  if (!text && text.error().code == Code::kNotFound) return std::string();
-  return text;
-}
-
 bool OfOneSpec(const std::vector<Part>& parts) {
   return std::all_of(parts.begin(), parts.end(), [&](const Part& part) {
     return part.reader.spec_sha256() == parts[0].reader.spec_sha256() &&
            part.reader.schema_version() == parts[0].reader.schema_version();
   });
-}
-
-Status CheckStopped() {
-  if (!StopRequested()) return {};
-  return Fail(Code::kExhausted, "merge: stopped before it was done; --restart begins anew");
 }
 
 // Which dataset each episode comes from. @error where two have it, and not the same
@@ -90,7 +77,7 @@ Status CheckOneName(const Part& first, const Part& other) {
 
 // Copies what the first has, then adds what the others have beyond it.
 Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out, Leftover leftover,
-                                 const EditProgress& progress) {
+                                 const EditProgress& progress, const EditFinish& finish) {
   std::vector<Path> datasets;
   for (const Part& part : parts) datasets.push_back(part.reader.path());
   ETUDE_RETURN_IF_ERROR(internal::CheckOneJournal(datasets, "merge"));
@@ -109,6 +96,7 @@ Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out
   for (const Part& part : parts)
     if (&part != &*most) chosen.push_back({part.reader.path(), sources(part)});
   ETUDE_RETURN_IF_ERROR(internal::FillDataset(folder.path(), chosen, progress));
+  if (finish) ETUDE_RETURN_IF_ERROR(finish(folder.path()));
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   return MergeReport{owners.size(), false};
 }
@@ -223,7 +211,7 @@ Result<MergeReport> MergeDifferent(const std::vector<Part>& parts, const Path& o
     const std::string spec_sha256 = SpecHash(spec);
     for (const Part& part : parts)
       for (const std::uint64_t index : part.indices) {
-        ETUDE_RETURN_IF_ERROR(CheckStopped());
+        ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(done, spec.episodes, folder.path()));
         ETUDE_ASSIGN_OR_RETURN(Episode episode, part.reader.ReadWhole(index));
         MoveTo(spec, spec_sha256, done, episode);
         ETUDE_RETURN_IF_ERROR(writer.Commit(episode));
@@ -241,19 +229,19 @@ Result<MergeReport> MergeDifferent(const std::vector<Part>& parts, const Path& o
 }  // namespace
 
 Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
-                                  const EditProgress& progress) {
+                                  const EditProgress& progress, const EditFinish& finish) {
   ETUDE_ASSIGN_OR_RETURN(const auto parts, OpenParts(datasets));
-  return OfOneSpec(parts) ? MergeOneSpec(parts, out, leftover, progress)
+  return OfOneSpec(parts) ? MergeOneSpec(parts, out, leftover, progress, finish)
                           : MergeDifferent(parts, out, leftover, progress);
 }
 
 namespace internal {
 
 Status CheckOneJournal(const std::vector<Path>& datasets, std::string_view command) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string journal, JournalOf(datasets.front()));
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, ReadTextFileIfThere(datasets.front() / kSampling));
   for (const Path& dataset : datasets) {
-    ETUDE_ASSIGN_OR_RETURN(const std::string other, JournalOf(dataset));
-    if (other != journal)
+    ETUDE_ASSIGN_OR_RETURN(const auto other, ReadTextFileIfThere(dataset / kSampling));
+    if (other.value_or("") != journal.value_or(""))
       return Fail(Code::kInvalidArgument,
                   fmt::format("{}: '{}' and '{}' have different sampling journals ({}): an index means another episode "
                               "in each",

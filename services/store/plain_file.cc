@@ -10,7 +10,7 @@
 #include <span>
 
 #include "services/core/descriptor.h"
-#include "services/core/stop.h"
+#include "services/store/edit.h"
 #include "services/store/episode_file.h"
 #include "services/store/filter_keys.h"
 #include "services/store/hdf.h"
@@ -139,10 +139,7 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
   PlainFile file(reader, keys, partial);
   ETUDE_RETURN_IF_ERROR(file.Create());
   for (std::size_t i = 0; i < indices.size(); ++i) {
-    if (StopRequested())
-      return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; '{}' is not whole (--restart begins "
-                                                "anew)",
-                                                i, indices.size(), partial.string()));
+    ETUDE_RETURN_IF_ERROR(internal::CheckNotStopped(i, indices.size(), partial));
     ETUDE_RETURN_IF_ERROR(file.Add(indices[i]));
     if (options.progress) options.progress(i + 1, indices.size());
   }

@@ -26,9 +26,8 @@ Result<SamplingEntry> ParseEntry(const std::string& line) {
 
 Result<SamplingJournal> SamplingJournal::Open(const Path& folder, const CampaignSpec& spec) {
   SamplingJournal journal(folder / internal::kSampling, spec);
-  const auto text = ReadTextFile(journal.file_, kMostBytes);
-  if (!text && text.error().code == Code::kNotFound) return journal;
-  if (!text) return Fail(text.error());
+  ETUDE_ASSIGN_OR_RETURN(const auto text, ReadTextFileIfThere(journal.file_, kMostBytes));
+  if (!text) return journal;
   std::istringstream lines(*text);
   for (std::string line; std::getline(lines, line);) {
     const auto wrong = [&](const Error& error) {

@@ -35,6 +35,11 @@ EpisodeSummary Summarize(const EpisodeRecord& record) {
   return Summarize(record.episode, frames, error ? 0 : bytes);
 }
 
+EpisodeSummary SummaryOf(const CommitRow& row) {
+  return {row.task,    row.target, row.outcome, row.success, row.steps,
+          row.samples, row.frames, row.bytes,   row.scene,   row.planned};
+}
+
 void Statistics::Add(const CampaignSpec& spec, std::uint64_t index, const EpisodeSummary& episode) {
   ++episodes_;
   ++tasks_[episode.task];

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "services/episode/attempt_details.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 
 namespace etude::store::internal {
@@ -25,6 +26,8 @@ struct EpisodeSummary {
 EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
 /// Of the file of `record`.
 EpisodeSummary Summarize(const EpisodeRecord& record);
+/// Of a line of the journal. @pre it is counted
+EpisodeSummary SummaryOf(const CommitRow& row);
 
 /// What is counted of a dataset while it grows: an episode costs the same, however many there are.
 class Statistics {

@@ -12,6 +12,7 @@
 #include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/core/without_throwing.h"
+#include "services/episode/codec.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
@@ -53,11 +54,9 @@ Status ForEach(std::size_t n, const char* what, const std::function<void(std::si
 Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal, std::uint64_t index) {
   const Path path = EpisodePath(reader.path(), index);
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
-  ETUDE_ASSIGN_OR_RETURN(auto file, internal::DecodeEpisodeFile(bytes));
-  const std::string content_sha256 = file.content_sha256;
-  // of a schema that is converted the seal alone speaks: it covers every byte
-  const bool same_schema = file.schema_version == kSchemaVersion;
-  const Episode episode = internal::WithFrames(std::move(file), bytes);
+  ETUDE_ASSIGN_OR_RETURN(const auto file, internal::DecodeEpisodeFile(bytes));
+  const Episode& episode = file.episode;
+  const FrameSpans frames = internal::FramesIn(file, bytes);
   if (episode.index != index) return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
   if (episode.spec_sha256 != reader.spec_sha256())
     return Fail(Code::kCorrupt, "made from another spec than the dataset");
@@ -69,19 +68,35 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
   if (WeightsOf(episode.details) != WeightsSha256(journal.At(index)))
     return Fail(Code::kCorrupt,
                 fmt::format("made with other sampling weights than {} has for it", internal::kSampling));
-  if (same_schema && internal::ContentHash(episode) != content_sha256)
+  // of a schema that is converted the seal alone speaks: it covers every byte
+  if (file.schema_version == kSchemaVersion && EpisodeSha256(episode, frames) != file.content_sha256)
     return Fail(Code::kCorrupt, "content and its SHA-256 differ");
-  return internal::CheckFrames(episode, FramesOf(episode));
+  return internal::CheckFrames(episode, frames);
 }
 
 // An older schema's hash is the one its writer computed (the seal says that it is): reading converts the content.
 Result<std::string> ContentHashOf(const DatasetReader& reader, std::uint64_t index) {
   const Path path = EpisodePath(reader.path(), index);
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
-  auto file = internal::DecodeEpisodeFile(bytes);
+  const auto file = internal::DecodeEpisodeFile(bytes);
   if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
   if (file->schema_version != kSchemaVersion) return file->content_sha256;
-  return internal::ContentHash(internal::WithFrames(std::move(*file), bytes));
+  return EpisodeSha256(file->episode, internal::FramesIn(*file, bytes));
+}
+
+// episodes/ may be a link to another disk, across which nothing can be renamed.
+Status MoveAcross(const Path& file, const Path& to) {
+  std::error_code error, ignored;
+  std::filesystem::copy_file(file, to, error);
+  Status copied = error ? Status(Fail(ErrnoError("copy", file, error.value()))) : SyncFile(to);
+  if (copied) copied = SyncFolder(to.parent_path());  // before the only other one goes
+  if (!copied) {
+    std::filesystem::remove(to, ignored);
+    return copied;
+  }
+  std::filesystem::remove(file, error);
+  if (error) return Fail(ErrnoError("delete", file, error.value()));
+  return {};
 }
 
 // quarantine/000123.hdf5, or the first of 000123.hdf5.1, .2, ... that is free
@@ -93,7 +108,10 @@ Status MoveToQuarantine(const Path& dataset, const Path& file) {
   for (int n = 1; std::filesystem::exists(to, error); ++n)
     to = folder / fmt::format("{}.{}", file.filename().string(), n);
   std::filesystem::rename(file, to, error);
-  if (error) return Fail(ErrnoError("quarantine", file, error.value()));
+  if (error == std::errc::cross_device_link)
+    ETUDE_RETURN_IF_ERROR(MoveAcross(file, to));
+  else if (error)
+    return Fail(ErrnoError("quarantine", file, error.value()));
   ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
   ETUDE_RETURN_IF_ERROR(SyncFolder(file.parent_path()));
   return SyncFolder(dataset);
@@ -120,7 +138,13 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
   std::optional<FileLock> lock;  // moving files away under a writer would confuse it
   if (quarantine == Quarantine::kYes) {
-    ETUDE_ASSIGN_OR_RETURN(lock, internal::LockDataset(dataset));
+    auto taken = internal::LockDataset(dataset);
+    if (!taken) {
+      Error refused = std::move(taken).error();
+      refused.message += "; --keep only reports and needs no lock";
+      return Fail(std::move(refused));
+    }
+    lock = std::move(*taken);
     ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   }
   ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
@@ -130,8 +154,7 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   ETUDE_RETURN_IF_ERROR(
       ForEach(files.size(), "verify", [&](std::size_t i) { found[i] = CheckFile(reader, journal, files[i]); }));
   VerifyReport report;
-  Status moved;
-  for (std::size_t i = 0; i < files.size() && moved; ++i) {
+  for (std::size_t i = 0; i < files.size(); ++i) {
     if (found[i]) {
       ++report.good;
       continue;
@@ -139,14 +162,13 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
     // what cannot be read now (a full table of open files, a disk that comes back) may be whole
     const bool wrong = found[i].error().code == Code::kCorrupt;
     (wrong ? report.bad : report.unread).push_back({files[i], found[i].error().message});
-    if (wrong && quarantine == Quarantine::kYes) moved = MoveToQuarantine(dataset, files[i]);
+    if (wrong && quarantine == Quarantine::kYes && report.moved) report.moved = MoveToQuarantine(dataset, files[i]);
   }
   // the master file must not link what was moved away, now or by a verification that ended before it came to this
   if (quarantine == Quarantine::kYes) {
     ETUDE_ASSIGN_OR_RETURN(const bool behind, CountsOtherEpisodes(reader));
     if (behind || !report.bad.empty()) ETUDE_RETURN_IF_ERROR(internal::RefreshDerived(dataset));
   }
-  ETUDE_RETURN_IF_ERROR(moved);
   return report;
 }
 

@@ -55,7 +55,10 @@ TEST_F(DatasetCommands, AFilterTakesWhatFitsAllThatIsAsked) {
   EXPECT_THAT(none.text, HasSubstr("no episode"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "none"));
   ExpectUsage({"dataset", "filter", In("data"), In("none"), "--index", "-3"}, "");
-  ExpectUsage({"dataset", "filter", In("data"), In("none"), "--index", "1,2"}, "give numbers of episodes");
+  ExpectUsage({"dataset", "filter", In("data"), In("none"), "--index", "1;2"}, "give numbers of episodes");
+  ExpectUsage({"dataset", "filter", In("data"), In("none"), "--index", ""}, "");
+  ASSERT_EQ(Etude({"dataset", "filter", In("data"), In("commas"), "--index", "1,3-4"}).exit_code, kExitOk);
+  EXPECT_EQ(List("commas").size(), 3u) << "as `filter --as` writes them";
 }
 
 TEST_F(DatasetCommands, ASplitByTaskHasAFolderForEachWithItsEpisodes) {

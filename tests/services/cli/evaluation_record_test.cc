@@ -70,6 +70,17 @@ TEST(CompleteReport, NamesVideosAndTheOneCheckpointOfAFollowedRun) {
   EXPECT_EQ(OrderedJson::parse(lines.substr(0, lines.find('\n'))), (*report)["per_episode"][0]);
 }
 
+TEST(CompleteReport, TakesFoldersWhoseNamesAreNotUtf8) {
+  const TemporaryFolder folder;
+  WriteReport(folder / "eval", {900});
+  const Path run = folder / "caf\xe9";
+  ASSERT_THAT(WriteFileAtomically(run / "checkpoints/00000900.safetensors", Checkpoint()), IsOk());
+  const auto report = CompleteReport(folder / "eval", run, {});
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ((*report)["policy"]["sha256"], Sha256Hex(Checkpoint()));
+  EXPECT_TRUE(OrderedJson::parse(*ReadTextFile(folder / "eval/eval.json")).is_object());
+}
+
 TEST(CompleteReport, NamesNoneOfSeveral) {
   const TemporaryFolder folder;
   WriteReport(folder / "eval", {900, 950});

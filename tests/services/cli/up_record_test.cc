@@ -40,5 +40,11 @@ TEST(UpRecord, SaysThatItRunsAndHowItEnded) {
   EXPECT_GE(read()["ended"].get<double>(), read()["started"].get<double>());
 }
 
+TEST(UpRecord, TakesFoldersWhoseNamesAreNotUtf8) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(UpRecord::Begin(folder.path(), 3, {{"dataset", folder / "caf\xe9"}}, ""), IsOk());
+  EXPECT_TRUE(OrderedJson::parse(ReadTextFile(folder / "up.json").value_or("null")).is_object());
+}
+
 }  // namespace up_record_test
 }  // namespace etude::cli

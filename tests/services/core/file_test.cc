@@ -65,6 +65,17 @@ class FileTest : public ::testing::Test {
   Path folder_ = temporary_.path();
 };
 
+TEST_F(FileTest, AFileThatNeedNotBeThereIsNothing) {
+  const auto none = ReadTextFileIfThere(folder_ / "none");
+  ASSERT_TRUE(none);
+  EXPECT_EQ(*none, std::nullopt);
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "empty", std::string_view()));
+  EXPECT_EQ(ReadTextFileIfThere(folder_ / "empty").value(), "");
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "some", std::string_view("text")));
+  EXPECT_EQ(ReadTextFileIfThere(folder_ / "some").value(), "text");
+  EXPECT_THAT(ReadTextFileIfThere(folder_ / "some", 3), HasCode(Code::kExhausted));
+}
+
 TEST_F(FileTest, WritesWholeAndReadsBack) {
   const Path path = folder_ / "a" / "b.txt";
   ASSERT_TRUE(WriteFileAtomically(path, std::string_view("first")));

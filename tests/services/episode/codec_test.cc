@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "services/core/hash.h"
 #include "services/core/rng.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
@@ -36,6 +37,15 @@ Bytes EditHeader(const Bytes& bytes, const std::string& from, const std::string&
   edited.insert(edited.end(), header.begin(), header.end());
   edited.insert(edited.end(), bytes.begin() + 12 + size, bytes.end());
   return edited;
+}
+
+TEST(Codec, TheHashIsThatOfTheBytes) {
+  Episode episode = MakeSyntheticEpisode(SyntheticSpec(16, 16), 3, 12);
+  const std::string expected = Sha256Hex(EncodeEpisode(episode));
+  EXPECT_EQ(EpisodeSha256(episode, FramesOf(episode)), expected);
+  const Episode whole = episode;
+  for (auto& camera : episode.cameras) camera.frames.clear();
+  EXPECT_EQ(EpisodeSha256(episode, FramesOf(whole)), expected) << "its pictures lie elsewhere";
 }
 
 TEST(Codec, GivesTheSameEpisodeBack) {

@@ -224,11 +224,35 @@ TEST(DatasetWriter, WhatWasForgottenIsRecordedAgain) {
   const TemporaryFolder folder;
   auto writer = OpenWith(folder.path(), SyntheticSpec(), 0);
   ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
-  writer->ForgetFailures();
+  ASSERT_THAT(writer->ForgetFailures(), IsOk());
   ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
   ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
-  const std::string text = Slurp(folder / "attempts.jsonl");
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2);
+  for (const char* name : {"attempts.jsonl", "attempts.1.jsonl"}) {
+    const std::string text = Slurp(folder / name);
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << name;
+  }
+}
+
+// before, the next start took the lines for recorded again: what came back in the same way was not told of
+TEST(DatasetWriter, WhatWasForgottenStaysSoAfterARestart) {
+  const TemporaryFolder folder;
+  const auto failed = [&](DatasetWriter& writer) {
+    EXPECT_THAT(writer.WriteMaster(), IsOk());
+    return (*DatasetInfo(folder.path()))["failed_attempts"].dump();
+  };
+  {
+    auto writer = OpenWith(folder.path(), SyntheticSpec(), 0);
+    ASSERT_THAT(writer->ForgetFailures(), IsOk()) << "nothing has failed";
+    EXPECT_FALSE(std::filesystem::exists(folder / "attempts.1.jsonl"));
+    ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+    ASSERT_THAT(writer->ForgetFailures(), IsOk());
+  }
+  auto writer = OpenWith(folder.path(), SyntheticSpec(), 0);
+  EXPECT_EQ(failed(*writer), "{}");
+  ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+  EXPECT_EQ(failed(*writer), R"({"no_path":1})");
+  ASSERT_THAT(writer->ForgetFailures(), IsOk());
+  EXPECT_TRUE(std::filesystem::exists(folder / "attempts.2.jsonl")) << "the first ones stay, too";
 }
 
 TEST(DatasetWriter, RecordsEveryFailedAttemptOnce) {

@@ -92,6 +92,55 @@ TEST_F(Edit, CopiesEpisodesWithTheirBytesAndWhatIsSaidOfThem) {
   EXPECT_THAT(DatasetWriter::Open(folder_ / "some", spec_), IsOk());
 }
 
+// as git-annex keeps large files; before, a copy had links that led nowhere once it was moved
+TEST_F(Edit, CopiesWhatALinkLeadsTo) {
+  const Path elsewhere = folder_ / "elsewhere.hdf5";
+  std::filesystem::rename(EpisodePath(data_, 2), elsewhere);
+  std::filesystem::create_symlink(elsewhere, EpisodePath(data_, 2));
+
+  ASSERT_THAT(CopyEpisodes(data_, {2}, folder_ / "some", Leftover::kRefuse), IsOk());
+
+  EXPECT_FALSE(std::filesystem::is_symlink(EpisodePath(folder_ / "some", 2)));
+  EXPECT_EQ(*ReadBinaryFile(EpisodePath(folder_ / "some", 2)), *ReadBinaryFile(elsewhere));
+}
+
+// before, who was killed in between had a dataset without them
+TEST_F(Edit, ACopyAppearsWithWhatElseBelongsToIt) {
+  const auto note = [&](const Path& folder) {
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "some"));
+    return WriteFileAtomically(folder / "note", std::string_view("x"));
+  };
+  ASSERT_THAT(CopyEpisodes(data_, {2}, folder_ / "some", Leftover::kRefuse, {}, note), IsOk());
+  EXPECT_EQ(*ReadTextFile(folder_ / "some/note"), "x");
+  const auto fail = [](const Path&) -> Status { return Fail(Code::kUnavailable, "full"); };
+  EXPECT_THAT(CopyEpisodes(data_, {2}, folder_ / "none", Leftover::kRefuse, {}, fail), MessageHas("full"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "none"));
+}
+
+TEST_F(Edit, OnlyACollectorThatMayAddMakesEpisodesAgain) {
+  EXPECT_TRUE(CanBeMadeAgain(data_));
+  ASSERT_THAT(CopyEpisodes(data_, {2}, folder_ / "some", Leftover::kRefuse), IsOk());
+  EXPECT_FALSE(CanBeMadeAgain(folder_ / "some")) << "of others";
+  EXPECT_FALSE(CanBeMadeAgain(folder_ / "none"));
+  auto description = OrderedJson::parse(*ReadTextFile(data_ / "dataset.json"));
+  description["content"] = 1;
+  ASSERT_THAT(WriteFileAtomically(data_ / "dataset.json", description.dump()), IsOk());
+  EXPECT_FALSE(CanBeMadeAgain(data_)) << "it would be refused";
+}
+
+TEST_F(Edit, WhatIsDerivedIsTheSameOfTheJournalAndOfTheFiles) {
+  const auto statistics = [&] { return internal::ReadDatasetFile(data_)->statistics; };
+  const OrderedJson made = statistics();
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {1}), IsOk());
+  EXPECT_EQ(statistics(), made);
+  const auto master = ReadBinaryFile(data_ / "dataset.hdf5");
+  ASSERT_THAT(master, IsOk());
+  std::filesystem::remove(data_ / "commits.jsonl");
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {1}), IsOk());
+  EXPECT_EQ(statistics(), made);
+  EXPECT_EQ(*ReadBinaryFile(data_ / "dataset.hdf5"), *master);
+}
+
 TEST_F(Edit, ACopySaysThatNoCampaignGoesOnWithItUntilOneDoes) {
   const auto derived = [&](const Path& dataset) {
     return OrderedJson::parse(*ReadTextFile(dataset / "dataset.json")).value("derived", false);
@@ -300,6 +349,9 @@ TEST_F(Edit, DealsShares) {
   EXPECT_THAT(DealEpisodes(data_, {{"a", 0.8}, {"a", 0.2}}), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(DealEpisodes(data_, {{"a", -1}}), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(DealEpisodes(data_, {{"../a", 1}}), HasCode(Code::kInvalidArgument));
+  // before, their sum was no number, and the episodes' places in it neither
+  EXPECT_THAT(DealEpisodes(data_, {{"a", 1e308}, {"b", 1e308}}), MessageHas("add up"));
+  EXPECT_THAT(DealEpisodes(data_, {{"a", 1e308}}), MessageHas("add up")) << "ten times as much";
 }
 
 }  // namespace edit_test

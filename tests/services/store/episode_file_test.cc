@@ -42,6 +42,7 @@ TEST(EpisodeFile, GivesTheSameEpisodeBack) {
     EXPECT_EQ(file->frames[0].size(), 7u);
     EXPECT_TRUE(file->episode.cameras[0].frames.empty());
     EXPECT_EQ(file->content_sha256, ContentHash(episode));
+    EXPECT_EQ(EpisodeSha256(file->episode, FramesIn(*file, bytes)), file->content_sha256) << "where its pictures lie";
     EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), bytes)), EncodeEpisode(episode));
   }
 }

@@ -63,6 +63,21 @@ TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {
   EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kInvalidArgument));
 }
 
+TEST(Layout, ADatasetIsClosedToWhatWouldBeOfAnotherKind) {
+  const CampaignSpec spec = SyntheticSpec();
+  const DatasetFile ours{.spec = spec, .spec_sha256 = SpecHash(spec)};
+  EXPECT_EQ(WhyClosed(ours), "");
+  DatasetFile other = ours;
+  other.schema_version = 1;
+  EXPECT_THAT(WhyClosed(other), testing::HasSubstr("schema version 1"));
+  other = ours;
+  other.content = 1;
+  EXPECT_THAT(WhyClosed(other), testing::HasSubstr("content version 1"));
+  other = ours;
+  other.spec_sha256 = std::string(64, 'a');
+  EXPECT_THAT(WhyClosed(other), testing::HasSubstr("another hash"));
+}
+
 TEST(Layout, SpecDifferencesNameTheKeys) {
   CampaignSpec a = SyntheticSpec();
   CampaignSpec b = a;

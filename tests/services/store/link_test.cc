@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/store/link.cc
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include "services/spec/content_version.h"
 #include "services/store/commit_journal.h"
 #include "services/store/edit.h"
 #include "services/store/filter_keys.h"
 #include "tests/support/matchers.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
@@ -79,6 +82,18 @@ TEST_F(Link, TakesNoRoomAndOutlivesItsShards) {
   EXPECT_EQ(Verify(out_, Quarantine::kNo)->good, 2u);
 }
 
+TEST_F(Link, LinksWhatASymbolicLinkLeadsTo) {
+  const Path a = WriteShard("a", spec_, {0}), b = WriteShard("b", spec_, {1});
+  const Path elsewhere = folder_ / "elsewhere.hdf5";
+  std::filesystem::rename(EpisodePath(b, 1), elsewhere);
+  std::filesystem::create_symlink(elsewhere, EpisodePath(b, 1));
+
+  ASSERT_THAT(LinkDatasets({a, b}, out_, Leftover::kRefuse), IsOk());
+
+  EXPECT_FALSE(std::filesystem::is_symlink(EpisodePath(out_, 1)));
+  EXPECT_EQ(InfoOf(EpisodePath(out_, 1)).st_ino, InfoOf(elsewhere).st_ino);
+}
+
 TEST_F(Link, KnowsWhoMadeEachEpisodeAndWhatFailed) {
   const Path a = WriteShard("a", spec_, {0, 2}), b = WriteShard("b", spec_, {1});
   {
@@ -137,6 +152,9 @@ TEST_F(Link, RefusesWhatIsNoShardOfOneCampaign) {
               MessageHas("both have episode 2"));
   EXPECT_THAT(LinkDatasets({a, a}, out_, Leftover::kRefuse), MessageHas("both have episode 0"));
   EXPECT_THAT(LinkDatasets({a}, out_, Leftover::kRefuse), MessageHas("at least two"));
+  const Path older = WriteShard("older", spec_, {3});
+  ReplaceInFile(older / "dataset.json", fmt::format("\"content\": {}", kContentVersion), "\"content\": 1");
+  EXPECT_THAT(LinkDatasets({a, older}, out_, Leftover::kRefuse), MessageHas("it was made with content version 1"));
   EXPECT_THAT(LinkDatasets({a, folder_ / "none"}, out_, Leftover::kRefuse), HasCode(Code::kNotFound));
   EXPECT_FALSE(std::filesystem::exists(out_));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "linked.partial")) << "nothing is left to be removed";

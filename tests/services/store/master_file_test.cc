@@ -8,6 +8,7 @@
 #include "services/store/episode_file.h"
 #include "services/store/layout.h"
 #include "tests/support/matchers.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
@@ -109,15 +110,26 @@ TEST_F(MasterFile, KeysThatCannotBeReadKeepItFromNoOneAndReplaceNothing) {
   ASSERT_THAT(before, IsOk());
   ASSERT_THAT(WriteFileAtomically(data_ / kFilters, std::string_view("not JSON")), IsOk());
   const auto episodes = Made({"pick", "push+obstacle", "pick", "push+obstacle"});
-  EXPECT_THAT(WriteMasterFile(data_, spec_, EntriesOf(episodes)), IsOk());
+  EXPECT_THAT(WriteMasterFile(data_, spec_, SpecHash(spec_), EntriesOf(episodes)), IsOk());
   EXPECT_EQ(ReadTextFile(data_ / kFilters).value(), "not JSON") << "somebody's choice, to be mended by them";
 }
 
 TEST_F(MasterFile, IsTheSameBytesForTheSameEpisodes) {
   const auto episodes = Made({"pick", "push+obstacle", "pick"});
-  ASSERT_THAT(WriteMasterFile(folder_ / "a", spec_, EntriesOf(episodes)), IsOk());
-  ASSERT_THAT(WriteMasterFile(folder_ / "b", spec_, EntriesOf(episodes)), IsOk());
+  ASSERT_THAT(WriteMasterFile(folder_ / "a", spec_, SpecHash(spec_), EntriesOf(episodes)), IsOk());
+  ASSERT_THAT(WriteMasterFile(folder_ / "b", spec_, SpecHash(spec_), EntriesOf(episodes)), IsOk());
   EXPECT_EQ(ReadBinaryFile(folder_ / "a" / kMasterFile).value(), ReadBinaryFile(folder_ / "b" / kMasterFile).value());
+}
+
+// before, it had the hash that the spec has now, and the episodes another one
+TEST_F(MasterFile, HasTheHashThatTheDatasetHas) {
+  const std::string before(64, 'a');
+  ReplaceInFile(data_ / kDatasetJson, SpecHash(spec_), before);
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {1}), IsOk());
+  const auto master = ReadTextFile(data_ / kMasterFile);
+  ASSERT_THAT(master, IsOk());
+  EXPECT_NE(master->find(before), std::string::npos);
+  EXPECT_EQ(master->find(SpecHash(spec_)), std::string::npos);
 }
 
 // A collector asks every half minute; at 20 episodes a second that is every 600.

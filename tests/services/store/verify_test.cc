@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -165,6 +166,50 @@ TEST(Verify, QuarantinesTheBadAndLeavesTheOthersReadable) {
   EXPECT_EQ(*HashDataset(dataset.path), hash);
 }
 
+dev_t DeviceOf(const Path& path) {
+  struct stat info {};
+  EXPECT_EQ(::stat(path.c_str(), &info), 0) << path;
+  return info.st_dev;
+}
+
+// before, nothing could be renamed there, and the report was lost with it
+TEST(Verify, QuarantinesWhatLiesOnAnotherDisk) {
+  const Dataset dataset;
+  const Path memory = "/dev/shm";
+  std::error_code error;
+  if (!std::filesystem::is_directory(memory, error) || DeviceOf(memory) == DeviceOf(dataset.path))
+    GTEST_SKIP() << "this machine has no second filesystem to write to";
+  const Path elsewhere = memory / dataset.folder.path().filename();
+  std::filesystem::copy(dataset.path / "episodes", elsewhere, std::filesystem::copy_options::recursive);
+  std::filesystem::remove_all(dataset.path / "episodes");
+  std::filesystem::create_directory_symlink(elsewhere, dataset.path / "episodes");
+  Overwrite(dataset.File(1), {1, 2, 3});
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+  const bool stays = std::filesystem::exists(dataset.File(1));
+  std::filesystem::remove_all(elsewhere);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_THAT(report->moved, IsOk());
+  EXPECT_EQ(report->bad.size(), 1u);
+  EXPECT_FALSE(stays);
+  EXPECT_EQ(ReadTextFile(dataset.path / "quarantine/000001.hdf5").value_or(""), "\1\2\3");
+}
+
+TEST(Verify, ReportsAlsoWhereNothingCanBeMoved) {
+  const Dataset dataset;
+  ASSERT_THAT(WriteFileAtomically(dataset.path / "quarantine", std::string_view("no folder")), IsOk());
+  for (const std::uint64_t index : {1, 4}) Overwrite(dataset.File(index), {1, 2, 3});
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_THAT(report->moved, MessageHas("quarantine"));
+  EXPECT_EQ(report->bad.size(), 2u);
+  EXPECT_EQ(report->good, kEpisodes - 2);
+  EXPECT_TRUE(std::filesystem::exists(dataset.File(4)));
+}
+
 TEST(Verify, KeepsBothWhenTheSameNumberIsQuarantinedTwice) {
   const Dataset dataset;
   for (int n = 0; n < 2; ++n) {
@@ -181,7 +226,9 @@ TEST(Verify, DoesNotMoveFilesUnderAWriter) {
   const auto writer = DatasetWriter::Open(dataset.path, dataset.spec);
   ASSERT_THAT(writer, IsOk());
 
-  EXPECT_THAT(Verify(dataset.path, Quarantine::kYes), HasCode(Code::kUnavailable));
+  const auto refused = Verify(dataset.path, Quarantine::kYes);
+  EXPECT_THAT(refused, HasCode(Code::kUnavailable));
+  EXPECT_THAT(refused, MessageHas("--keep"));
   EXPECT_THAT(Verify(dataset.path, Quarantine::kNo), IsOk());
 }
 
