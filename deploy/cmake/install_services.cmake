@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Run by `cmake --install`: writes units and settings for the prefix. Given: `source`, the folder deploy; `made`, a folder to
-# write in; `prefix`, absolute; `bindir` and `share`, where programs and what comes with them go. Settings that are there already are kept.
+# write in; `prefix`, absolute; `bindir`, `share` and `doc`, where programs, what comes with them and pages to read go.
+# Settings that are there already are kept.
 if(prefix STREQUAL "/usr" OR prefix STREQUAL "/usr/local")
   set(settings /etc/etude)
 else()

@@ -7,13 +7,21 @@ set(ETUDE_PROGRAMS etude etude-collector etude-worker etude-trainer etude-policy
 install(TARGETS ${ETUDE_PROGRAMS} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 
 set(ETUDE_SHARE ${CMAKE_INSTALL_DATADIR}/etude)
+# folders and files as they are here whatever the umask of who clones and builds: services read all of it as another user
+set(CMAKE_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE
+    GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 install(DIRECTORY deploy/campaigns deploy/robots deploy/objects deploy/tasks deploy/dds deploy/up deploy/docs
-        DESTINATION ${ETUDE_SHARE} USE_SOURCE_PERMISSIONS)
+        DESTINATION ${ETUDE_SHARE} PATTERN generate EXCLUDE)  # which needs the source tree
 install(DIRECTORY trainer/experiments DESTINATION ${ETUDE_SHARE})
 # the pages as they were built; `npm run build` in dashboard/web makes them again
 install(DIRECTORY dashboard/web/dist/ DESTINATION ${ETUDE_SHARE}/web)
-install(DIRECTORY deploy/kubernetes deploy/slurm deploy/container
-        DESTINATION ${ETUDE_SHARE} USE_SOURCE_PERMISSIONS)
+install(DIRECTORY deploy/kubernetes deploy/slurm deploy/container DESTINATION ${ETUDE_SHARE}
+        PATTERN etude.sbatch EXCLUDE PATTERN build EXCLUDE)
+install(PROGRAMS deploy/slurm/etude.sbatch DESTINATION ${ETUDE_SHARE}/slurm)
+install(PROGRAMS deploy/container/build DESTINATION ${ETUDE_SHARE}/container)
+# what the pages and the settings point to
+install(DIRECTORY deploy/examples DESTINATION ${ETUDE_SHARE} PATTERN CMakeLists.txt EXCLUDE)
+install(FILES deploy/systemd/README.md DESTINATION ${ETUDE_SHARE}/systemd)
 
 # Units and their settings name absolute paths, which are known when it is installed and not before.
 install(CODE "set(source [==[${CMAKE_SOURCE_DIR}/deploy]==])
@@ -21,10 +29,11 @@ set(made [==[${CMAKE_BINARY_DIR}/systemd]==])
 get_filename_component(prefix \"\${CMAKE_INSTALL_PREFIX}\" ABSOLUTE)
 set(bindir \"\${prefix}/${CMAKE_INSTALL_BINDIR}\")
 set(share \"\${prefix}/${ETUDE_SHARE}\")
+set(doc \"\${prefix}/${CMAKE_INSTALL_DOCDIR}\")
 include([==[${CMAKE_SOURCE_DIR}/deploy/cmake/install_services.cmake]==])")
 install(FILES deploy/systemd/sysusers.conf DESTINATION lib/sysusers.d RENAME etude.conf)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
-install(FILES README.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES README.md SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME etude)

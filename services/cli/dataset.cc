@@ -32,14 +32,15 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const auto report,
                          store::Verify(dataset, keep ? store::Quarantine::kNo : store::Quarantine::kYes));
   if (as_json) {
-    fmt::print(
-        "{}\n",
-        JsonText(OrderedJson{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}}, 1));
+    OrderedJson json{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}};
+    if (!report.moved) json["not_moved"] = report.moved.error().message;
+    fmt::print("{}\n", JsonText(json, 1));
   } else {
     for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
     for (const auto& unread : report.unread) fmt::print("unread  {}: {}\n", unread.path.string(), unread.reason);
     fmt::print("{} good, {} bad, {} could not be read\n", report.good, report.bad.size(), report.unread.size());
   }
+  ETUDE_RETURN_IF_ERROR(report.moved);
   if (report.bad.empty() && report.unread.empty()) return {};
   if (report.bad.empty())
     return Fail(Code::kUnavailable,
@@ -48,9 +49,9 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
                             report.unread.size()));
   return Fail(Code::kCorrupt,
               fmt::format("{} of {} episodes are damaged{}", report.bad.size(), report.good + report.bad.size(),
-                          keep                        ? "; without --keep they are moved to quarantine/"
-                          : store::IsDerived(dataset) ? ", moved to quarantine/"
-                                                      : ", moved to quarantine/; `etude collect` makes them again"));
+                          keep                             ? "; without --keep they are moved to quarantine/"
+                          : store::CanBeMadeAgain(dataset) ? ", moved to quarantine/; `etude collect` makes them again"
+                                                           : ", moved to quarantine/"));
 }
 
 Status Hash(const std::string& dataset) {
@@ -91,7 +92,7 @@ void AddDataset(CLI::App& app, Body& body) {
   sheet->add_option("--out", *out, "picture, .png or .jpg; moving, side by side: .webp or .mp4")
       ->check(EndsWith({".png", ".jpg", ".webp", ".mp4"}))
       ->capture_default_str();
-  sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
+  sheet->add_option("--index", options->indices, "rows: these episodes, in this order")->delimiter(',');
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
   sheet->callback([=, &body] { body = [=] { return WriteSheet(*dataset, *out, *options); }; });

@@ -38,7 +38,7 @@ struct SelectionArguments {
     app.add_option("--outcome", selection.outcomes, "only those that ended so: success, ...");
     app.add_option("--split", selection.splits, "only those of train, valid or test");
     app.add_option("--key", selection.keys, "only those of these filter keys (dataset filter --as)");
-    app.add_option("--index", indices, "only these: 7, 4-9");
+    app.add_option("--index", indices, "only these: 7 4-9, or 7,4-9")->delimiter(',');
     app.add_option("--min-steps", selection.min_steps, "only those of at least so many control steps");
     app.add_option("--max-steps", selection.max_steps, "only those of at most so many");
   }
@@ -79,6 +79,11 @@ auto Counter(ProgressDisplay& display, const char* verb) {
   return [&display, verb](std::uint64_t done, std::uint64_t total) {
     if (display.due() || done == total) display.Show(fmt::format("{} {} of {} episodes", verb, done, total));
   };
+}
+
+// A made dataset knows the hosts and files of those that it is made of as soon as it is there.
+store::EditFinish CarryHostsOf(std::vector<Path> datasets) {
+  return [datasets = std::move(datasets)](const Path& folder) { return campaign::CarryHosts(datasets, folder); };
 }
 
 // The collector that writes this dataset, as it is known on the bus.
@@ -149,9 +154,8 @@ Status Filter(const EditArguments& arguments) {
   {
     ProgressDisplay display;
     ETUDE_RETURN_IF_ERROR(store::CopyEpisodes(arguments.dataset, indices, arguments.out, arguments.leftover(),
-                                              Counter(display, "copied")));
+                                              Counter(display, "copied"), CarryHostsOf({arguments.dataset})));
   }
-  ETUDE_RETURN_IF_ERROR(campaign::CarryHosts({arguments.dataset}, arguments.out));
   fmt::print("{}: {} episodes\n", arguments.out, indices.size());
   return {};
 }
@@ -189,10 +193,8 @@ Status Split(const EditArguments& arguments) {
   {
     ProgressDisplay display;
     for (const auto& [name, indices] : groups) {
-      const Path part = folder.path() / name;
-      ETUDE_RETURN_IF_ERROR(
-          store::CopyEpisodes(arguments.dataset, indices, part, Leftover::kRefuse, Counter(display, name.c_str())));
-      ETUDE_RETURN_IF_ERROR(campaign::CarryHosts({arguments.dataset}, part));
+      ETUDE_RETURN_IF_ERROR(store::CopyEpisodes(arguments.dataset, indices, folder.path() / name, Leftover::kRefuse,
+                                                Counter(display, name.c_str()), CarryHostsOf({arguments.dataset})));
     }
   }
   ETUDE_RETURN_IF_ERROR(folder.Commit());
@@ -230,10 +232,9 @@ Status Merge(const EditArguments& arguments) {
   store::MergeReport report;
   {
     ProgressDisplay display;
-    ETUDE_ASSIGN_OR_RETURN(
-        report, store::MergeDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "merged")));
+    ETUDE_ASSIGN_OR_RETURN(report, store::MergeDatasets(datasets, arguments.out, arguments.leftover(),
+                                                        Counter(display, "merged"), CarryHostsOf(datasets)));
   }
-  if (!report.renumbered) ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
   fmt::print("{}: {} episodes{}\n", arguments.out, report.episodes,
              report.renumbered ? ", numbered anew: the datasets are of different specs" : "");
   return {};
@@ -245,10 +246,9 @@ Status Link(const EditArguments& arguments) {
   store::LinkReport report;
   {
     ProgressDisplay display;
-    ETUDE_ASSIGN_OR_RETURN(
-        report, store::LinkDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "linked")));
+    ETUDE_ASSIGN_OR_RETURN(report, store::LinkDatasets(datasets, arguments.out, arguments.leftover(),
+                                                       Counter(display, "linked"), CarryHostsOf(datasets)));
   }
-  ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
   fmt::print("{}: {} of {} episodes\n", arguments.out, report.episodes, report.planned);
   return {};
 }
@@ -257,16 +257,17 @@ Status Delete(const EditArguments& arguments) {
   if (arguments.choice.empty())
     return Fail(Code::kInvalidArgument, "say which episodes: --index, --key, --task, ... (--help)");
   ETUDE_ASSIGN_OR_RETURN(const auto indices, arguments.choice.Choose(arguments.dataset));
+  // of imports, of what was merged and numbered anew, and of what another version made, nothing can be made again
+  const char* again =
+      store::CanBeMadeAgain(arguments.dataset) ? " (`etude collect` in this folder makes them again)" : "";
   if (!arguments.yes)
     return Fail(Code::kInvalidArgument,
-                fmt::format("this would delete {} episodes for good: {}{}; --yes does", indices.size(),
+                fmt::format("this would delete {} episodes for good: {}{}{}; --yes does", indices.size(),
                             fmt::join(indices.begin(),
                                       indices.begin() + std::min<std::ptrdiff_t>(10, std::ssize(indices)), ", "),
-                            indices.size() > 10 ? ", ..." : ""));
+                            indices.size() > 10 ? ", ..." : "", again));
   ETUDE_RETURN_IF_ERROR(store::DeleteEpisodes(arguments.dataset, indices));
-  // of imports, and of what was merged and numbered anew, nothing can be made again
-  fmt::print("deleted {} episodes{}\n", indices.size(),
-             store::IsDerived(arguments.dataset) ? "" : " (`etude collect` in this folder makes them again)");
+  fmt::print("deleted {} episodes{}\n", indices.size(), again);
   return {};
 }
 

@@ -18,6 +18,7 @@
 #include "services/cli/sentence_suite.h"
 #include "services/cli/service.h"
 #include "services/cli/training_words.h"
+#include "services/core/config.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
@@ -142,9 +143,9 @@ Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
 Status Compare(const EvalArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson comparison, campaign::CompareEvaluations(arguments.out, arguments.compare));
   const Path file = Path(arguments.out) / "comparison.json";
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, comparison.dump(1) + "\n"));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, JsonText(comparison, 1) + "\n"));
   if (arguments.as_json)
-    fmt::print("{}\n", comparison.dump(1));
+    fmt::print("{}\n", JsonText(comparison, 1));
   else
     fmt::print("{}comparison {}\n", campaign::ComparisonText(comparison), file.string());
   return {};
@@ -166,10 +167,10 @@ Status Report(const bus::Participant& participant, const EvalArguments& argument
     const auto said = WordsOf(participant, arguments, choice);
     const Status added = AddNeverSeen(said, base.tasks, base.objects, report);
     if (!added) Log().warn("which words training never said: {}", added.error().message);
-    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.evaluation.out / "eval.json", report.dump(1) + "\n"));
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.evaluation.out / "eval.json", JsonText(report, 1) + "\n"));
   }
   if (arguments.as_json) {
-    if (arguments.compare.empty()) fmt::print("{}\n", report.dump(1));
+    if (arguments.compare.empty()) fmt::print("{}\n", JsonText(report, 1));
     return {};
   }
   fmt::print("{}{}{}{}report {}/eval.json  videos {}/videos\n", campaign::EvalTable(report),

@@ -154,8 +154,14 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
   const auto [videos, insights] = LookBack(participant, options, host.policy_id, display);
   if (!videos) Log().warn("no videos: {}", videos.error().message);
   if (!insights) Log().warn("no insights: {}", insights.error().message);
-  return CompleteReport(options.out, options.run_folder, videos.value_or(std::vector<Path>{}),
-                        insights.value_or(std::vector<Path>{}));
+  ETUDE_ASSIGN_OR_RETURN(auto report,
+                         CompleteReport(options.out, options.run_folder, videos.value_or(std::vector<Path>{}),
+                                        insights.value_or(std::vector<Path>{})));
+  if (!StopRequested() && campaign::RolloutsOf(report) == 0)  // a share of nothing is no result
+    return Fail(Code::kExhausted,
+                fmt::format("not one of {} rollouts could be made; why is in '{}'", hosted->progress().total,
+                            (options.out / "rollouts" / "attempts.jsonl").string()));
+  return report;
 }
 
 }  // namespace etude::cli

@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "services/core/config.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
@@ -93,10 +94,10 @@ Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, cons
     for (const auto& [key, names] : files)
       if (const auto file = names.find(row.value("index", std::uint64_t{0})); file != names.end())
         row[key] = file->second;
-    lines += row.dump() + "\n";
+    lines += JsonText(row) + "\n";
   }
   NameCheckpoint(run_folder, StepsOf((*report)["per_episode"]), *report);
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out / "eval.json", report->dump(1) + "\n"));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out / "eval.json", JsonText(*report, 1) + "\n"));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out / "eval.jsonl", lines));
   return std::move(*report);
 }

@@ -20,6 +20,7 @@
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/share.h"
 #include "services/core/stop.h"
 
 namespace etude::cli {
@@ -150,7 +151,9 @@ class Maker {
   }
 
   static std::string FileOf(const std::string& campaign) {
-    return campaign.ends_with(".yaml") ? campaign : fmt::format("deploy/campaigns/{}.yaml", campaign);
+    if (campaign.ends_with(".yaml")) return campaign;
+    const auto folder = FindShared("campaigns");  // those that come with the programs, wherever one stands
+    return (folder.value_or("deploy/campaigns") / (campaign + ".yaml")).string();
   }
 
   Path DataOf(const ResultRow& row) const { return out_ / "data" / DatasetName(row); }
@@ -387,7 +390,9 @@ void AddResults(CLI::App& app, Body& body) {
   command->add_option("--out", arguments->out, "folder for data, runs, evaluations and logs; begun again, it goes on")
       ->capture_default_str();
   command->add_option("--row", arguments->only, "only this row; may be repeated")->allow_extra_args(false);
-  command->add_option("--seeds", arguments->seeds, "only these training seeds of a row")->delimiter(',');
+  command->add_option("--seeds", arguments->seeds, "only these training seeds of a row")
+      ->delimiter(',')
+      ->allow_extra_args(false);  // the file may follow
   command->add_option("--write", arguments->write,
                       "where the table goes (default: OUT/results.md); what was measured is kept beside it as .json, "
                       "so that rows made elsewhere or earlier stay in the table");

@@ -208,6 +208,9 @@ Status KeepForNextTime(const UpConfig& config, const CampaignSpec& spec) {
   std::error_code ignored;
   resolved.campaign = std::filesystem::absolute(config.campaign, ignored).lexically_normal().string();
   resolved.out = std::filesystem::absolute(config.out, ignored).lexically_normal().string();
+  // a file, or else a name
+  if (std::filesystem::is_regular_file(config.train.config, ignored))
+    resolved.train.config = std::filesystem::absolute(config.train.config, ignored).lexically_normal().string();
   std::erase_if(resolved.campaign_set, [](const std::string& set) { return set.starts_with("episodes="); });
   resolved.campaign_set.push_back(fmt::format("episodes={}", spec.episodes));
   return WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(ToJson(resolved)));

@@ -22,7 +22,7 @@ Result<UpRecord> UpRecord::Begin(const Path& out, std::uint32_t domain, const st
   return record;
 }
 
-Status UpRecord::Write() const { return WriteFileAtomically(file_, json_.dump(1) + "\n"); }
+Status UpRecord::Write() const { return WriteFileAtomically(file_, JsonText(json_, 1) + "\n"); }
 
 void UpRecord::WriteOrWarn() const {
   if (const Status written = Write(); !written) Log().warn("{}", written.error().message);
