@@ -2,11 +2,14 @@
 # Run by `cmake --install`: writes units and settings for the prefix. Given: `source`, the folder deploy; `made`, a folder to
 # write in; `prefix`, absolute; `bindir`, `share` and `doc`, where programs, what comes with them and pages to read go.
 # Settings that are there already are kept.
+include(${CMAKE_CURRENT_LIST_DIR}/install_folders.cmake)
 if(prefix STREQUAL "/usr" OR prefix STREQUAL "/usr/local")
-  set(settings /etc/etude)
+  set(etc /etc)
 else()
-  set(settings ${prefix}/etc/etude)
+  set(etc ${prefix}/etc)
 endif()
+set(settings ${etc}/etude)
+etude_make_folders(${etc} ${settings})
 file(GLOB templates ${source}/systemd/*.in)
 foreach(template IN LISTS templates)
   get_filename_component(name ${template} NAME_WLE)

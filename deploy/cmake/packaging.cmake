@@ -3,13 +3,18 @@
 # for what comes with them in share/etude above themselves (services/core/share.h), so that any prefix works.
 include(GNUInstallDirs)
 
+set(ETUDE_SHARE ${CMAKE_INSTALL_DATADIR}/etude)
+install(CODE "include([==[${CMAKE_SOURCE_DIR}/deploy/cmake/install_folders.cmake]==])
+get_filename_component(prefix \"\${CMAKE_INSTALL_PREFIX}\" ABSOLUTE)
+set(folders ${CMAKE_INSTALL_BINDIR} ${CMAKE_INSTALL_DATADIR} ${ETUDE_SHARE} ${ETUDE_SHARE}/systemd ${CMAKE_INSTALL_DATADIR}/doc
+  ${CMAKE_INSTALL_DOCDIR} lib lib/sysusers.d lib/systemd lib/systemd/system)
+list(TRANSFORM folders PREPEND \"\${prefix}/\")
+etude_make_folders(\"\${prefix}\" \${folders})")
+
 set(ETUDE_PROGRAMS etude etude-collector etude-worker etude-trainer etude-policy etude-gateway etude-object etude-plan)
 install(TARGETS ${ETUDE_PROGRAMS} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 
-set(ETUDE_SHARE ${CMAKE_INSTALL_DATADIR}/etude)
-# folders and files as they are here whatever the umask of who clones and builds: services read all of it as another user
-set(CMAKE_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE
-    GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+# not USE_SOURCE_PERMISSIONS: files, too, may have been cloned under another umask than their readers need
 install(DIRECTORY deploy/campaigns deploy/robots deploy/objects deploy/tasks deploy/dds deploy/up deploy/docs
         DESTINATION ${ETUDE_SHARE} PATTERN generate EXCLUDE)  # which needs the source tree
 install(DIRECTORY trainer/experiments DESTINATION ${ETUDE_SHARE})
