@@ -279,15 +279,14 @@ std::vector<std::string> Collector::TakeSilent() {
 }
 
 void Collector::Revoke(const std::string& worker, int exit_code) {
-  std::vector<Impl::Deadly> deadly;
+  std::optional<Impl::Deadly> failed;
   {
     const MutexLock lock(impl_->mutex);
-    if (auto failed = impl_->Revoke(worker, Crashed(exit_code), HowItEnded(exit_code)))
-      deadly.push_back(std::move(*failed));
+    failed = impl_->Revoke(worker, Crashed(exit_code), HowItEnded(exit_code));
     impl_->heard.erase(worker);
     impl_->motions.erase(worker);
   }
-  impl_->Record(deadly);
+  if (failed) impl_->Record(*failed);
 }
 
 }  // namespace etude::campaign

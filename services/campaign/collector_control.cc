@@ -64,7 +64,7 @@ void Collector::Impl::TakeMessages() {
     for (auto& request : topics.requests.Take()) asked.push_back(std::move(request));
     for (const auto& report : topics.reports.Take()) OnReport(report);
   }
-  Record(EndSilent());
+  for (const Deadly& failed : EndSilent()) Record(failed);
   for (const auto& message : topics.errors.Take()) OnErrors(message);
   bool controlled = false;
   for (const auto& control : topics.controls.Take()) controlled = OnControl(control) || controlled;
@@ -132,12 +132,11 @@ void Collector::Impl::CountKilled() {
   ++failed_attempts;
 }
 
-void Collector::Impl::Record(const std::vector<Deadly>& deadly) {
-  for (const auto& [index, attempt, how] : deadly) {
-    Log().error("attempt {} of index {} ended worker after worker and has failed; the last one: {}", attempt, index,
-                how);
-    Record(index, attempt, kKillsWorkers, JsonText(OrderedJson{{"reason", how}, {"t", WallSeconds()}}));
-  }
+void Collector::Impl::Record(const Deadly& failed) {
+  Log().error("attempt {} of index {} ended worker after worker and has failed; the last one: {}", failed.attempt,
+              failed.index, failed.how);
+  Record(failed.index, failed.attempt, kKillsWorkers,
+         JsonText(OrderedJson{{"reason", failed.how}, {"t", WallSeconds()}}));
 }
 
 void Collector::Impl::Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,

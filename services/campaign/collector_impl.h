@@ -171,7 +171,7 @@ struct Collector::Impl {
   void CountKilled() ETUDE_REQUIRES(mutex);
   void Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome, const std::string& details)
       ETUDE_EXCLUDES(mutex);
-  void Record(const std::vector<Deadly>& deadly) ETUDE_EXCLUDES(mutex);
+  void Record(const Deadly& failed) ETUDE_EXCLUDES(mutex);
   void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
   std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
   bool OnControl(const bus::CampaignControl& control);
