@@ -12,6 +12,7 @@
 #include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
 #include "worker/sim/saturated.h"
+#include "worker/task/standstill.h"
 
 namespace etude::task {
 namespace {
@@ -125,8 +126,9 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
       runner_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); },
       runner_->world().scene().control_delay());
   std::vector<Waypoint> answered;  // not in effect yet
-  int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
-  int latency = 0;                 // of the last answer, steps
+  Standstill standstill;
+  int question = 0, effect = 0;  // steps of the next question, and from which the last answer counts
+  int latency = 0;               // of the last answer, steps
   while (!runner_->judge().done()) {
     const int step = runner_->steps();
     // an answer's first waypoint was for the step after the picture
@@ -139,7 +141,10 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
       if (!answer) return answer.error();
       latency = LatencySteps(*answer);
       effect = step + latency;
-      question = std::max(step + spec_.replan_steps, effect);
+      // one that goes nowhere from answer to answer does what this one says to its end
+      const sim::World& world = runner_->world();
+      const bool stands = standstill.At(step, world.X_WE(), world.gripper());
+      question = std::max(step + (stands ? kHorizonSteps : spec_.replan_steps), effect);
       answered = std::move(answer->waypoints);
     }
     follow();

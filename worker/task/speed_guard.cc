@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "worker/sim/saturated.h"
 
 namespace etude::task {
 namespace {
@@ -12,6 +13,13 @@ namespace {
 constexpr double kStep = 1 / kControlRate;  // s
 // Of a joint's speed limit. The judge lets 1.05 pass: the rest is for what a step of the control does not foresee.
 constexpr double kGuardShare = 0.95;
+// A joint that turns as fast as it may although it is not asked to is turned by what the hand leans on: of that the
+// guard knows nothing, and what leans is the rest of the command.
+constexpr double kStopShare = 1.0;
+// How far a target may lead a hand that does not come: nine times what the hand lags by on its way. The rest would only
+// press on what is in the way, and throw the hand when it slips off.
+constexpr double kLead = 0.015;       // m
+constexpr double kLeadTurned = 0.15;  // rad
 constexpr double kForesight = 1.5 * kStep;
 constexpr double kLeastDamping = 1e-3;  // m (and rad)
 constexpr double kMostDamping = 0.1;    // beyond, all directions suffer: the rest is slowed
@@ -19,6 +27,16 @@ constexpr int kHalvings = 12;           // of the search between them
 
 bool Inside(const Eigen::VectorXd& v, const JointBox& box) {
   return (v.array() >= box.low.array()).all() && (v.array() <= box.high.array()).all();
+}
+
+// `target` or what of the way there is within the lead.
+Pose WithinLead(const Pose& X_WE, const Pose& target) {
+  const Eigen::Vector3d turned = sim::RotationVector(X_WE.q, target.q);
+  Pose led = target;
+  if ((target.p - X_WE.p).norm() > kLead) led.p = X_WE.p + sim::Saturated(target.p - X_WE.p, kLead);
+  if (const double angle = turned.norm(); angle > kLeadTurned)
+    led.q = (Eigen::Quaterniond(Eigen::AngleAxisd(kLeadTurned, turned / angle)) * X_WE.q).normalized();
+  return led;
 }
 
 }  // namespace
@@ -54,11 +72,18 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   sim::ControlState state;
   state.X_WE = world.X_WE();
   state.v = world.v();
+  Command guarded = command;
+  guarded.target.X_WE = WithinLead(state.X_WE, command.target.X_WE);
+  if ((state.v.cwiseAbs().array() > kStopShare * world.scene().arm().joint_speed.array()).any()) {
+    guarded.target.X_WE = state.X_WE;
+    guarded.V_WE.setZero();
+    return guarded;
+  }
   const Eigen::VectorXd q = world.q();
   state.J = kinematics_.Jacobian(q);
   // The hand's velocity goes to this one with the controller's damping; without what the turning of the joints itself
   // changes, which the controller does not know.
-  const Pose now = sim::Advanced(command.target.X_WE, command.V_WE, -kStep);
+  const Pose now = sim::Advanced(guarded.target.X_WE, command.V_WE, -kStep);
   const Vector6 wanted = state.J * state.v + sim::ToolAcceleration(state, now, command.V_WE, config_) / config_.kv;
   const Vector6 bend = (kinematics_.Jacobian(q + kStep * state.v) - state.J) * state.v / (kStep * config_.kv);
   // how much of the way there is made meanwhile where nothing is in the way: what holds the hand up may give way now
@@ -66,8 +91,7 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   const Eigen::VectorXd limit = kGuardShare * world.scene().arm().joint_speed;
   const JointBox box{state.v + (-limit - state.v) / gain, state.v + (limit - state.v) / gain};
   const Eigen::VectorXd asked = sim::JointMotion(state.J, wanted - bend, kLeastDamping);
-  if (Inside(asked, box)) return command;
-  Command guarded = command;
+  if (Inside(asked, box)) return guarded;
   guarded.V_WE = state.J * JointVelocityWithin(state.J, wanted - bend, box) + bend;
   guarded.target.X_WE = sim::Advanced(state.X_WE, guarded.V_WE, kStep);
   return guarded;

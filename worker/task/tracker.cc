@@ -71,6 +71,7 @@ bool FingerWait::Moving(double gripper) {
 }
 
 void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
+  if (fingers_.moving() && BeginsAnew(waypoints, first)) return;
   waypoints_ = std::move(waypoints);
   step_ = first;
   const Pose next_reference = sim::Advanced(reference_, V_WE_, 1 / kControlRate);
@@ -117,6 +118,14 @@ bool Tracker::Arriving() const {
     return (Interpolate(waypoints_, step + 1).X_WE.p - Interpolate(waypoints_, step).X_WE.p).norm();
   };
   return way(step_ + WaypointStep(1)) < way(step_);
+}
+
+bool Tracker::BeginsAnew(const std::vector<Waypoint>& waypoints, int first) const {
+  if (ShallClose(Interpolate(waypoints, first).gripper, closed_) == closed_) return false;
+  for (int k = 0; k < kWaypoints; ++k)
+    if (WaypointStep(k) > first && ShallClose(waypoints[static_cast<std::size_t>(k)].gripper, !closed_) == closed_)
+      return true;
+  return false;
 }
 
 // The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly. Where

@@ -30,6 +30,8 @@ class FingerWait {
   /// @returns whether they move. For no longer than the slowest hand takes to close; an opening is waited for as long
   /// as the expert does, who leaves while the fingers still open.
   bool Moving(double gripper);
+  /// Whether they moved when it was asked last.
+  bool moving() const { return left_ > 0; }
 
  private:
   int delay_;
@@ -50,7 +52,9 @@ class Tracker {
       : share_(std::move(share)), reference_(X_WE), closed_(closed), fingers_(control_delay) {}
 
   /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
-  /// soon after it that is nearer to the reference.
+  /// soon after it that is nearer to the reference. While the fingers move, an answer that turns them round only to
+  /// tell them later again what they do now is let go: it shows how a grasp begins that has begun, and a hand that
+  /// follows it opens and closes for ever.
   void Follow(std::vector<Waypoint> waypoints, int first = 0);
   /// The next step's command. Holds where it began until Follow is called. At a grasp and a release the path's time
   /// stands while the fingers move, as soon as the hand has come to where it grasps: one that rises while they close
@@ -64,6 +68,8 @@ class Tracker {
   double Advance(const Pose& now, const Pose& next);
   /// Whether the path is still on its way to where it stands.
   bool Arriving() const;
+  /// Whether `waypoints` from their step `first` undo what the fingers were told and then tell them again.
+  bool BeginsAnew(const std::vector<Waypoint>& waypoints, int first) const;
 
   SpeedShare share_;
   std::vector<Waypoint> waypoints_;

@@ -129,6 +129,33 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   EXPECT_TRUE(rollout->episode.cameras[0].frames.empty());
 }
 
+// A policy without memory that rises a little before it comes down, in each answer: asked again on the way up, it comes
+// down in none of them.
+TEST(Rollout, AnswersThatLeadNowhereAreFollowedToTheirEnd) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.latency_ms = 0;
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  double lowest = 1;
+  const Eigen::Vector3d above{-0.11, 0.25, 0.25};
+  const auto rollout = runner->Rollout(0, [&](const policy::Question&) {
+    policy::Answer answer = Stay(above);
+    for (int k = 0; k < kWaypoints; ++k)
+      answer.waypoints[k].X_WE.p.z() += WaypointStep(k) < 40 ? 0.01 : -0.01 * (k - 4);
+    return answer;
+  });
+  ASSERT_TRUE(rollout.has_value()) << rollout.error().message;
+  const Episode& episode = rollout->episode;
+  for (int t = 0; t < episode.steps(); ++t) lowest = std::min<double>(lowest, episode.eef_pos.row(t)[2]);
+  EXPECT_LT(lowest, above.z() - 0.05);
+  const auto& decisions = episode.details["decisions"];
+  int followed = 0;
+  for (std::size_t k = 1; k < decisions.size(); ++k)
+    followed += decisions[k]["step"].get<int>() - decisions[k - 1]["step"].get<int>() == kHorizonSteps;
+  EXPECT_GE(followed, 1);
+  EXPECT_LE(followed, spec.rollout.max_steps / 300) << "and then it is asked as before";
+}
+
 TEST(Rollout, AsTheAuthorsHoldsOnePoseOfEachAnswerForTheirTime) {
   CampaignSpec spec = RolloutSpecOf("pick");
   spec.rollout.execution = "authors";

@@ -99,6 +99,25 @@ TEST_P(SpeedGuardOf, DoesNotThrowTheHandAfterItsReference) {
 INSTANTIATE_TEST_SUITE_P(Robots, SpeedGuardOf, testing::Values("ur5", "panda", "jaco2"),
                          [](const auto& info) { return std::string(info.param); });
 
+// Whatever it was that had a joint turn too fast: the hand stops, with all its joints.
+TEST(SpeedGuard, AHandWhoseJointsTurnTooFastIsStopped) {
+  const auto scene = sim::SceneOf("jaco2");
+  sim::World world(scene);
+  SpeedGuard guard(scene);
+  Command command;
+  command.target = {{world.X_WE().p + Eigen::Vector3d(-0.03, 0.03, 0.06), world.X_WE().q}, 1};
+  const auto share = [&] { return world.v().cwiseAbs().cwiseQuotient(scene->arm().joint_speed).maxCoeff(); };
+  for (int i = 0; i < 150 && share() <= 1; ++i) world.Step(command.target, command.V_WE);
+  ASSERT_GT(share(), 1) << "nobody guarded it";
+  const Command stopped = guard.Guarded(command, world);
+  EXPECT_EQ(stopped.V_WE, Vector6(Vector6::Zero()));
+  EXPECT_EQ(stopped.target.X_WE.p, world.X_WE().p);
+  EXPECT_EQ(stopped.target.gripper, 1);
+  const double before = share();
+  for (int i = 0; i < 3; ++i) world.Step(stopped.target, stopped.V_WE);
+  EXPECT_LT(share(), 0.7 * before);
+}
+
 // The wrist is nearly straight: to turn the hand across it, joints four and six have to turn against each other, fast.
 TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
   const auto scene = sim::SceneOf("jaco2");

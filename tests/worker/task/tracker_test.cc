@@ -238,6 +238,32 @@ TEST(Tracker, AnAnswerThatComesWhileTheFingersCloseDoesNotRaiseTheHand) {
   EXPECT_EQ(fingers.closed, 0.6);
 }
 
+// One that shows the grasp as it begins: open, and closed only later.
+TEST(Tracker, AnAnswerThatComesWhileTheFingersCloseDoesNotOpenThemToCloseThemAgain) {
+  Tracker tracker({}, false);
+  tracker.Follow(Heights({0, 0, 0, 0.01, 0.05}, 1));
+  Fingers fingers{.stops_at = 0.6, .a_step = 0.01};
+  bool close = false;
+  int step = 0;
+  for (; step < 120 && fingers.closed < 0.6; ++step) {
+    if (step > 0 && step % 30 == 0) tracker.Follow(Heights({0, 0.01, 0, 0, 0.05}, 2));
+    const Command command = tracker.Next(fingers.Next(close));
+    close = command.target.gripper > 0.5;
+  }
+  EXPECT_LT(step, 90) << "each answer opened them";
+}
+
+TEST(Tracker, AnAnswerThatComesWhileTheFingersCloseCanOpenThem) {
+  Tracker tracker({}, false);
+  tracker.Follow(Heights({0}, 1));
+  Fingers fingers{.stops_at = 0.6, .a_step = 0.01};
+  bool close = false;
+  for (int i = 0; i < 30; ++i) close = tracker.Next(fingers.Next(close)).target.gripper > 0.5;
+  ASSERT_TRUE(close);
+  tracker.Follow(Heights({0}, kWaypoints));
+  EXPECT_EQ(tracker.Next(fingers.Next(close)).target.gripper, 0) << "it does not want to grasp any more";
+}
+
 TEST(Tracker, FingersThatCloseOnTheWayDoNotStopTheHand) {
   Tracker with({}, false), without({}, false);
   const auto open = Line({0, 0, 0}, {0.4, 0, 0}), closed = Line({0, 0, 0}, {0.4, 0, 0}, 1);
