@@ -38,7 +38,11 @@ OrderedJson Normalised(const OrderedJson& definition) {
       {"data", ToJson(ResultData())}, {"train", ToJson(train)}, {"eval", ToJson(ResultEvaluation())}};
   for (const auto& [part, values] : defaults.items())
     if (normal.contains(part)) normal[part] = WithoutDefaults(normal[part], values);
-  if (normal.contains("begins_with")) normal["begins_with"] = Normalised(normal["begins_with"]);
+  if (normal.contains("begins_with")) {
+    normal["begins_with"] = Normalised(normal["begins_with"]);
+    // in which scenes that was rolled out changes nothing of what begins with it
+    if (normal["begins_with"].is_object()) normal["begins_with"].erase("eval");
+  }
   return normal;
 }
 

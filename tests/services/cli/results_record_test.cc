@@ -231,6 +231,19 @@ TEST(ResultRecords, TheRowThatItBeginsWithIsPartOfADefinition) {
   EXPECT_THAT(records.Find(other), IsEmpty());
 }
 
+// another seed for the base's scenes asked for every row on top of it to be trained again
+TEST(ResultRecords, WhereTheBaseWasRolledOutIsNoPartOfADefinition) {
+  ResultRow row = Row("a"), other = Row("a");
+  ResultRow base = Row("base");
+  row.train.init = other.train.init = "base";
+  row.begins_with = DefinitionOf(base);
+  base.eval.seed = 99;
+  other.begins_with = DefinitionOf(base);
+  ResultRecords records;
+  records.Keep(row, Report(1, 7));
+  EXPECT_EQ(records.Find(other).size(), 1U);
+}
+
 // what would be left out of the table without a word
 TEST(ResultRecords, TheShippedFiguresAreOfTheRowsAsTheyAreDefined) {
   const auto config = LoadResults("deploy/docs/results.yaml");
