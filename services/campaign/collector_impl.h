@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What Collector's threads share. Run's own receives episodes, a few commit them in groups (collector_commit.cc);
-// `control` answers requests, reports and heartbeats (collector_control.cc), so that a slow disk never makes a lease
-// expire; `indexer` writes what is derived.
-// Internal to services/campaign.
+// `control` answers requests (collector_requests.cc), reports and heartbeats (collector_attempts.cc), so that a slow
+// disk never makes a lease expire; `indexer` writes what is derived. Internal to services/campaign.
 #pragma once
 
 #include <atomic>
@@ -145,42 +144,48 @@ struct Collector::Impl {
   /// What throws on one of the collector's threads ends the collector with words, not the process.
   void Guard(const char* thread, const std::function<void()>& work) ETUDE_EXCLUDES(mutex);
 
-  // control thread
+  // control thread (collector_control.cc)
   void Control();
+  void GiveWayToSuccessor();
   void TakeMessages();
-  void OnRequest(const bus::WorkRequest& request);
-  void Greet(const bus::WorkRequest& request);
-  std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
-  std::optional<std::string> WhyUnlike(const bus::WorkRequest& request);
-  std::string WhileNothingIsCommitted() const ETUDE_EXCLUDES(mutex);
-  bus::Lease Answer(const bus::WorkRequest& request);
-  Assignment Assign(const bus::WorkRequest& request);
-  bool HoldsElsewhere(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);
-  void OnErrors(const bus::ValidationErrors& message);
-  Result<SamplingEntry> WantedBy(const bus::ValidationErrors& message);
-  bool Reweight();
-  SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
-  void HearAgain(const std::string& worker) ETUDE_REQUIRES(mutex);
-  void OnReport(const bus::AttemptReport& report);
-  void OnHeartbeat(const bus::WorkerStatus& status);
-  std::optional<Deadly> EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
-  std::vector<Deadly> EndSilent() ETUDE_EXCLUDES(mutex);
-  bool OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
-  std::optional<Deadly> Revoke(const std::string& worker, bool by_attempt, const std::string& how)
-      ETUDE_REQUIRES(mutex);
-  void CountKilled() ETUDE_REQUIRES(mutex);
-  void Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome, const std::string& details)
-      ETUDE_EXCLUDES(mutex);
-  void Record(const Deadly& failed) ETUDE_EXCLUDES(mutex);
-  void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
-  std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
   bool OnControl(const bus::CampaignControl& control);
   std::string Follow(bus::ControlAction action) ETUDE_REQUIRES(mutex);
   bool OnKeyWish(const bus::CampaignControl& control) ETUDE_EXCLUDES(mutex) ETUDE_EXCLUDES(queue_mutex);
   std::string AddWish(KeyWish wish) ETUDE_EXCLUDES(queue_mutex);
   std::string StateNow() ETUDE_REQUIRES(mutex);
   void PublishStatus();
-  void GiveWayToSuccessor();
+
+  // who may work, and on what (collector_requests.cc)
+  void OnRequest(const bus::WorkRequest& request);
+  void Greet(const bus::WorkRequest& request);
+  bus::Lease Answer(const bus::WorkRequest& request);
+  Assignment Assign(const bus::WorkRequest& request);
+  bool HoldsElsewhere(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);
+  std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
+  std::optional<std::string> WhyUnlike(const bus::WorkRequest& request);
+  std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
+  std::string WhileNothingIsCommitted() const ETUDE_EXCLUDES(mutex);
+
+  // what becomes of attempts at work (collector_attempts.cc)
+  void HearAgain(const std::string& worker) ETUDE_REQUIRES(mutex);
+  void OnReport(const bus::AttemptReport& report);
+  void OnHeartbeat(const bus::WorkerStatus& status);
+  bool OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  std::vector<Deadly> EndSilent() ETUDE_EXCLUDES(mutex);
+  std::optional<Deadly> EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
+  std::optional<Deadly> Revoke(const std::string& worker, bool by_attempt, const std::string& how)
+      ETUDE_REQUIRES(mutex);
+  void CountKilled() ETUDE_REQUIRES(mutex);
+  void Record(std::uint64_t index, std::uint32_t attempt, const std::string& outcome, const std::string& details)
+      ETUDE_EXCLUDES(mutex);
+  void Record(const Deadly& failed) ETUDE_EXCLUDES(mutex);
+
+  // weights by validation errors (collector_sampling.cc)
+  void OnErrors(const bus::ValidationErrors& message);
+  Result<SamplingEntry> WantedBy(const bus::ValidationErrors& message);
+  bool Reweight();
+  SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
 
   // what is made again on another host (collector_recheck.cc)
   std::optional<Assignment> MakeAgain(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);
