@@ -16,7 +16,7 @@ constexpr double kGuardShare = 0.95;
 // A joint that turns as fast as it may although it is not asked to is turned by what the hand leans on: of that the
 // guard knows nothing, and what leans is the rest of the command.
 constexpr double kStopShare = 1.0;
-// How far a target may lead a hand that does not come: nine times what the hand lags by on its way. The rest would only
+// How far a target may lead the hand: what it lags by where it sets off at 6 m/s^2, the spring's share. More would only
 // press on what is in the way, and throw the hand when it slips off.
 constexpr double kLead = 0.015;       // m
 constexpr double kLeadTurned = 0.15;  // rad
