@@ -62,9 +62,9 @@ struct ResultRecords {
   std::vector<ResultReport> Find(const ResultRow& row) const;
 };
 
-/// What of a row decides its figures: data, training but for its seeds, evaluation, and the definition of the row that
-/// it begins with. Its words, the paper's figure and the goal do not. Keys that have their default are left out, so
-/// that a new key does not make other rows of those that were measured.
+/// What of a row decides its figures: data, training but for its seeds, evaluation, and of the row that it begins with
+/// the same but for its evaluation. Its words, the paper's figure and the goal do not. Keys that have their default are
+/// left out, so that a new key does not make other rows of those that were measured.
 OrderedJson DefinitionOf(const ResultRow& row);
 /// Whether what an earlier version wrote, defaults and all, is the definition `now`.
 bool IsDefinition(const OrderedJson& before, const OrderedJson& now);

@@ -69,17 +69,18 @@ struct ObstacleSpec {
 /// Only for mode "rollout": a policy drives instead of the expert.
 struct RolloutSpec {
   std::string run;  ///< policy to ask: name of the run whose checkpoints it serves
-  /// Control steps between two questions to the policy. Long enough for what an answer announces to come: a policy
-  /// without memory that sees the same hand on the same table announces the same release again, for ever.
+  /// Control steps between two questions to the policy, but where the hand goes nowhere (worker/task/standstill.h).
+  /// Long enough for what an answer announces to come: a policy without memory that sees the same hand on the same
+  /// table announces the same release again.
   int replan_steps = 30;
   int max_steps = 1500;  ///< control steps until the rollout counts as a failure
   bool record = true;    ///< keep the frames (for videos)
   /// From the picture to the moment its answer takes effect; the simulation goes on meanwhile, rounded up to control
   /// steps. -1: the 99th percentile that the policy server measured.
   double latency_ms = -1;
-  /// How an answer is followed. tracked: all of its waypoints, asked again each replan_steps | authors: as the paper's
-  /// evaluation does, one pose of it held for 0.36 s, no time passing while the policy thinks, and as many decisions as
-  /// theirs (replan_steps, max_steps and latency_ms do not count).
+  /// How an answer is followed. tracked: by its waypoints, until the one asked replan_steps later | authors: as the
+  /// paper's evaluation does, one pose of it held for 0.36 s, no time passing while the policy thinks, and as many
+  /// decisions as theirs (replan_steps, max_steps and latency_ms do not count).
   std::string execution = "tracked";
   /// Share of the target's pixels that the policy does not see: grey blocks lie over them, 0..1.
   double occlude = 0;

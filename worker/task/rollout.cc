@@ -141,11 +141,11 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
       if (!answer) return answer.error();
       latency = LatencySteps(*answer);
       effect = step + latency;
-      // one that goes nowhere from answer to answer does what this one says to its end
+      // one that goes nowhere from answer to answer follows this one for as long as it spans
       const sim::World& world = runner_->world();
       const bool stands = standstill.At(step, world.X_WE(), world.gripper());
       question = std::max(step + (stands ? kHorizonSteps : spec_.replan_steps), effect);
-      answered = std::move(answer->waypoints);
+      answered = TurnedAsTheHand(std::move(answer->waypoints), world.X_WE().q);
     }
     follow();
     if (pushes_) pushes_->BeforeStep();

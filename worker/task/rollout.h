@@ -29,7 +29,8 @@ class Rollout {
           const RolloutSpec& spec, std::string instruction);
 
   /// The policy drives until the strict condition has held for its dwell, or to the step limit. An answer takes effect
-  /// spec.latency_ms after its picture; until then the simulation goes on with the one before.
+  /// spec.latency_ms after its picture; until then the simulation goes on with the one before. Where the hand goes
+  /// nowhere one answer is followed for as long as it spans (standstill.h).
   /// @error what `policy` returns
   /// @param closed  whether the fingers are closed at the start
   Result<Verdict> Run(const policy::AskFunction& ask, bool closed = false);

@@ -16,8 +16,8 @@ constexpr double kGuardShare = 0.95;
 // A joint that turns as fast as it may although it is not asked to is turned by what the hand leans on: of that the
 // guard knows nothing, and what leans is the rest of the command.
 constexpr double kStopShare = 1.0;
-// How far a target may lead the hand: what it lags by where it sets off at 6 m/s^2, the spring's share. More would only
-// press on what is in the way, and throw the hand when it slips off.
+// How far a target may lead the hand: the spring's pull of 6 m/s^2, to set off. More would only press on what is in the
+// way, and throw the hand when it slips off.
 constexpr double kLead = 0.015;       // m
 constexpr double kLeadTurned = 0.15;  // rad
 constexpr double kForesight = 1.5 * kStep;
@@ -72,15 +72,17 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   sim::ControlState state;
   state.X_WE = world.X_WE();
   state.v = world.v();
+  const Eigen::VectorXd q = world.q();
+  state.J = kinematics_.Jacobian(q);
+  // where the hand will be when this command is obeyed
+  const Pose then = sim::Advanced(state.X_WE, state.J * state.v, world.scene().control_delay() * kStep);
   Command guarded = command;
-  guarded.target.X_WE = WithinLead(state.X_WE, command.target.X_WE);
+  guarded.target.X_WE = WithinLead(then, command.target.X_WE);
   if ((state.v.cwiseAbs().array() > kStopShare * world.scene().arm().joint_speed.array()).any()) {
-    guarded.target.X_WE = state.X_WE;
+    guarded.target.X_WE = then;
     guarded.V_WE.setZero();
     return guarded;
   }
-  const Eigen::VectorXd q = world.q();
-  state.J = kinematics_.Jacobian(q);
   // The hand's velocity goes to this one with the controller's damping; without what the turning of the joints itself
   // changes, which the controller does not know.
   const Pose now = sim::Advanced(guarded.target.X_WE, command.V_WE, -kStep);

@@ -17,7 +17,7 @@ class Standstill {
   /// @param step    control step of the rollout
   /// @param X_WE    of the hand
   /// @param gripper how far the fingers are closed, as measured: 0 open .. 1 closed
-  /// @returns whether hand and fingers have stayed where they are for kLong; then it is counted anew.
+  /// @returns whether hand and fingers have stayed where they are for 1.9 s; then it is counted anew.
   bool At(int step, const Pose& X_WE, double gripper);
 
  private:

@@ -17,6 +17,14 @@ namespace etude::task {
 /// does not make them flutter.
 bool ShallClose(double gripper, bool closed);
 
+/// `waypoints` of an answer to a picture in which the hand was turned as `q_WE` (world). The first of them is where the
+/// answer takes the hand to be; where that is turned otherwise by more than kMisjudged, all are turned by what is more.
+/// The robot knows its hand, and a hand that follows what is taken for it drifts to where no demonstration was, above
+/// all where a wrist is nearly straight.
+std::vector<Waypoint> TurnedAsTheHand(std::vector<Waypoint> waypoints, const Eigen::Quaterniond& q_WE);
+/// rad. Within it first waypoints differ from hands that are seen well: they turn while the picture is answered.
+inline constexpr double kMisjudged = 0.05;
+
 /// Whether fingers still move on their last command, told by what is measured of them.
 class FingerWait {
  public:
@@ -30,7 +38,7 @@ class FingerWait {
   /// @returns whether they move. For no longer than the slowest hand takes to close; an opening is waited for as long
   /// as the expert does, who leaves while the fingers still open.
   bool Moving(double gripper);
-  /// Whether they moved when it was asked last.
+  /// Whether they moved when it was asked last, or were told to since.
   bool moving() const { return left_ > 0; }
 
  private:
@@ -52,9 +60,9 @@ class Tracker {
       : share_(std::move(share)), reference_(X_WE), closed_(closed), fingers_(control_delay) {}
 
   /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step, or from one
-  /// soon after it that is nearer to the reference. While the fingers move, an answer that turns them round only to
-  /// tell them later again what they do now is let go: it shows how a grasp begins that has begun, and a hand that
-  /// follows it opens and closes for ever.
+  /// soon after it that is nearer to the reference. While the fingers close, an answer that opens them only to close
+  /// them again is let go: it shows how a grasp begins that has begun, and a hand that follows it opens and closes for
+  /// ever.
   void Follow(std::vector<Waypoint> waypoints, int first = 0);
   /// The next step's command. Holds where it began until Follow is called. At a grasp and a release the path's time
   /// stands while the fingers move, as soon as the hand has come to where it grasps: one that rises while they close

@@ -118,6 +118,43 @@ TEST(SpeedGuard, AHandWhoseJointsTurnTooFastIsStopped) {
   EXPECT_LT(share(), 0.7 * before);
 }
 
+TEST(SpeedGuard, ATargetLeadsTheHandByLittle) {
+  const auto scene = sim::SceneOf("ur5");
+  sim::World world(scene);
+  SpeedGuard guard(scene);
+  const Pose X_WE = world.X_WE();
+  Command command;
+  command.target = {{X_WE.p + Eigen::Vector3d(0, 0, 0.07), FromEuler({0, 0, 0.5}) * X_WE.q}, 1};
+  const Command guarded = guard.Guarded(command, world);
+  EXPECT_LE((guarded.target.X_WE.p - X_WE.p).norm(), 0.015 + 1e-9);
+  EXPECT_GT(guarded.target.X_WE.p.z(), X_WE.p.z()) << "and goes there";
+  EXPECT_LE(AngleBetween(guarded.target.X_WE.q, X_WE.q), 0.15 + 1e-6);
+  EXPECT_EQ(guarded.target.gripper, 1);
+}
+
+// Commands are obeyed later: how far one leads is seen from where the hand will be.
+TEST(SpeedGuard, AHandThatObeysLateKeepsItsSpeed) {
+  SceneSpec spec;
+  spec.robot = "ur5";
+  spec.world.control_delay = 20;
+  const auto built = sim::Scene::Build(spec);
+  ASSERT_TRUE(built) << built.error().message;
+  sim::World world(*built);
+  SpeedGuard guard(*built);
+  const Pose start = world.X_WE();
+  for (int i = 0; i < 100; ++i) {
+    Command command;
+    command.V_WE[2] = 0.2 * std::min(1.0, i / 25.0);
+    const double way = i < 25 ? 0.5 * i / 25 * i : 12.5 + (i - 25);
+    command.target.X_WE = {start.p + Eigen::Vector3d(0, 0, 0.2 * way / kControlRate), start.q};
+    const Command guarded = guard.Guarded(command, world);
+    world.Step(guarded.target, guarded.V_WE);
+  }
+  const Eigen::Vector3d before = world.X_WE().p;
+  for (int i = 0; i < 5; ++i) world.Step({world.X_WE(), 0}, Vector6::Zero());  // those under way are obeyed first
+  EXPECT_NEAR((world.X_WE().p - before).z() * kControlRate / 5, 0.2, 0.02);
+}
+
 // The wrist is nearly straight: to turn the hand across it, joints four and six have to turn against each other, fast.
 TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
   const auto scene = sim::SceneOf("jaco2");
