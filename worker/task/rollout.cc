@@ -145,7 +145,7 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
       const sim::World& world = runner_->world();
       const bool stands = standstill.At(step, world.X_WE(), world.gripper());
       question = std::max(step + (stands ? kHorizonSteps : spec_.replan_steps), effect);
-      answered = TurnedAsTheHand(std::move(answer->waypoints), world.X_WE().q);
+      answered = std::move(answer->waypoints);
     }
     follow();
     if (pushes_) pushes_->BeforeStep();

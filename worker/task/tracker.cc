@@ -54,15 +54,6 @@ Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
 
 bool ShallClose(double gripper, bool closed) { return gripper > (closed ? kOpenBelow : kCloseAbove); }
 
-std::vector<Waypoint> TurnedAsTheHand(std::vector<Waypoint> waypoints, const Eigen::Quaterniond& q_WE) {
-  const Eigen::Vector3d lack = sim::RotationVector(waypoints.front().X_WE.q, q_WE);
-  const double angle = lack.norm();
-  if (angle <= kMisjudged) return waypoints;
-  const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle - kMisjudged, lack / angle));
-  for (Waypoint& waypoint : waypoints) waypoint.X_WE.q = (turn * waypoint.X_WE.q).normalized();
-  return waypoints;
-}
-
 void FingerWait::Begin(bool close) {
   if (left_ == 0) {
     left_ = delay_ + (close ? kMostClosing : kMostOpening);

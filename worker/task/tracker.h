@@ -17,14 +17,6 @@ namespace etude::task {
 /// does not make them flutter.
 bool ShallClose(double gripper, bool closed);
 
-/// `waypoints` of an answer to a picture in which the hand was turned as `q_WE` (world). The first of them is where the
-/// answer takes the hand to be; where that is turned otherwise by more than kMisjudged, all are turned by what is more.
-/// The robot knows its hand, and a hand that follows what is taken for it drifts to where no demonstration was, above
-/// all where a wrist is nearly straight.
-std::vector<Waypoint> TurnedAsTheHand(std::vector<Waypoint> waypoints, const Eigen::Quaterniond& q_WE);
-/// rad. Within it first waypoints differ from hands that are seen well: they turn while the picture is answered.
-inline constexpr double kMisjudged = 0.05;
-
 /// Whether fingers still move on their last command, told by what is measured of them.
 class FingerWait {
  public:

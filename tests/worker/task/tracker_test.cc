@@ -303,42 +303,6 @@ TEST(Tracker, AWaveringAnswerDoesNotKeepTheHandForEver) {
   EXPECT_GT(z, 0.015);
 }
 
-TEST(TurnedAsTheHand, IsAnAnswerThatSeesTheHandWell) {
-  auto answer = Line({0, 0, 0}, {0.1, 0, 0});
-  for (int k = 0; k < kWaypoints; ++k) answer[k].X_WE.q = FromEuler({0.1 * k, 0, 0});
-  const auto followed = TurnedAsTheHand(answer, FromEuler({-0.04, 0, 0}));
-  for (int k = 0; k < kWaypoints; ++k) EXPECT_EQ(followed[k].X_WE.q.coeffs(), answer[k].X_WE.q.coeffs()) << k;
-}
-
-TEST(TurnedAsTheHand, GoesOnFromHowTheHandIs) {
-  auto answer = Line({0, 0, 0}, {0.1, 0, 0});
-  for (int k = 0; k < kWaypoints; ++k) answer[k].X_WE.q = FromEuler({0.3 + 0.1 * k, 0, 0});
-  const auto followed = TurnedAsTheHand(answer, FromEuler({0, 0, 0}));
-  for (int k = 0; k < kWaypoints; ++k) {
-    EXPECT_NEAR(AngleBetween(followed[k].X_WE.q, FromEuler({kMisjudged + 0.1 * k, 0, 0})), 0, 1e-6) << k;
-    EXPECT_EQ(followed[k].X_WE.p, answer[k].X_WE.p);
-  }
-}
-
-// A policy that takes a hand for turned further than it is, by as much each time, and says to stay as it is.
-TEST(TurnedAsTheHand, KeepsAHandFromTurningForEver) {
-  const auto turned_after = [](bool as_the_hand) {
-    Tracker tracker({}, false);
-    double turned = 0;
-    for (int i = 0; i < 300; ++i) {
-      if (i % 30 == 0) {
-        auto answer = Line({0, 0, 0}, {0, 0, 0});
-        for (auto& waypoint : answer) waypoint.X_WE.q = FromEuler({turned + 0.15, 0, 0});
-        tracker.Follow(as_the_hand ? TurnedAsTheHand(answer, FromEuler({turned, 0, 0})) : answer);
-      }
-      turned = AngleBetween(tracker.Next(0).target.X_WE.q, FromEuler({0, 0, 0}));
-    }
-    return turned;
-  };
-  EXPECT_GT(turned_after(false), 1.2);
-  EXPECT_LE(turned_after(true), 10 * kMisjudged + 1e-3);
-}
-
 TEST(FingerWait, IsForNoLongerThanTheyMoveAndNeverForEver) {
   const auto steps_until_rest = [](double stops_at, double jitter, bool close = true) {
     FingerWait wait;
