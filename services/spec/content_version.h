@@ -22,9 +22,7 @@ inline constexpr std::uint32_t kContentVersion = 6;
 ///   2  the reference's velocity changes by bounded steps, whatever the next answer says
 ///   3  an answer is followed from where the reference is on its path; no joint is driven beyond its speed limit
 ///   4  fingers are waited for, and no answer opens them meanwhile to close them again; a hand that goes nowhere
-///   follows an
-///      answer to its end; a target leads the hand by little, and a hand that is too fast is stopped; an answer that
-///      takes the hand for turned otherwise than it is is turned with it
+///      follows one answer to its end; a target leads the hand by little, and a hand that is too fast is stopped
 inline constexpr std::uint32_t kRolloutVersion = 4;
 
 }  // namespace etude

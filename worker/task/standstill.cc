@@ -6,7 +6,7 @@
 namespace etude::task {
 namespace {
 
-// Longer than any demonstration waits, for fingers that close (1.3 s at most) or for something to come to rest.
+// More than twice what a grasp is waited for (FingerWait).
 constexpr int kLong = 240;        // control steps
 constexpr double kNear = 0.03;    // m
 constexpr double kTurned = 0.3;   // rad
