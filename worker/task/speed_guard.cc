@@ -74,8 +74,9 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   state.v = world.v();
   const Eigen::VectorXd q = world.q();
   state.J = kinematics_.Jacobian(q);
+  const Vector6 V_WE = state.J * state.v;
   // where the hand will be when this command is obeyed
-  const Pose then = sim::Advanced(state.X_WE, state.J * state.v, world.scene().control_delay() * kStep);
+  const Pose then = sim::Advanced(state.X_WE, V_WE, world.scene().control_delay() * kStep);
   Command guarded = command;
   guarded.target.X_WE = WithinLead(then, command.target.X_WE);
   if ((state.v.cwiseAbs().array() > kStopShare * world.scene().arm().joint_speed.array()).any()) {
@@ -86,7 +87,7 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   // The hand's velocity goes to this one with the controller's damping; without what the turning of the joints itself
   // changes, which the controller does not know.
   const Pose now = sim::Advanced(guarded.target.X_WE, command.V_WE, -kStep);
-  const Vector6 wanted = state.J * state.v + sim::ToolAcceleration(state, now, command.V_WE, config_) / config_.kv;
+  const Vector6 wanted = V_WE + sim::ToolAcceleration(state, now, command.V_WE, config_) / config_.kv;
   const Vector6 bend = (kinematics_.Jacobian(q + kStep * state.v) - state.J) * state.v / (kStep * config_.kv);
   // how much of the way there is made meanwhile where nothing is in the way: what holds the hand up may give way now
   const double gain = 1 - std::exp(-config_.kv * kForesight);

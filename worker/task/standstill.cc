@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/task/standstill.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace etude::task {
@@ -21,11 +22,8 @@ bool Standstill::At(int step, const Pose& X_WE, double gripper) {
   };
   places_.push_back({step, X_WE, gripper});
   // what was before the last place from which the hand has gone away does not count
-  for (auto it = places_.rbegin(); it != places_.rend(); ++it)
-    if (!is_here(*it)) {
-      places_.erase(places_.begin(), it.base());
-      break;
-    }
+  const auto away = std::find_if_not(places_.rbegin(), places_.rend(), is_here);
+  places_.erase(places_.begin(), away.base());
   if (step - places_.front().step < kLong) return false;
   places_.clear();
   return true;

@@ -2,7 +2,7 @@
 // A hand that a policy leads nowhere.
 #pragma once
 
-#include <deque>
+#include <vector>
 
 #include "services/episode/pose.h"
 
@@ -26,7 +26,7 @@ class Standstill {
     Pose X_WE;
     double gripper;
   };
-  std::deque<Place> places_;  // of the time for which the hand has been here, the latest last
+  std::vector<Place> places_;  // of the time for which the hand has been here, the latest last
 };
 
 }  // namespace etude::task

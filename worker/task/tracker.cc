@@ -50,6 +50,15 @@ Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
   return e * (std::min(kBackOntoPath * gap, std::sqrt(bounds.acceleration * gap)) / gap);
 }
 
+// Whether closed fingers would open at the step `first` of an answer's path, and close again behind it.
+bool OpensOnlyToClose(const std::vector<Waypoint>& waypoints, int first) {
+  if (ShallClose(Interpolate(waypoints, first).gripper, /*closed=*/true)) return false;
+  for (int k = 0; k < kWaypoints; ++k)
+    if (WaypointStep(k) > first && ShallClose(waypoints[static_cast<std::size_t>(k)].gripper, /*closed=*/false))
+      return true;
+  return false;
+}
+
 }  // namespace
 
 bool ShallClose(double gripper, bool closed) { return gripper > (closed ? kOpenBelow : kCloseAbove); }
@@ -71,7 +80,7 @@ bool FingerWait::Moving(double gripper) {
 }
 
 void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
-  if (closed_ && fingers_.moving() && BeginsAnew(waypoints, first)) return;
+  if (closed_ && fingers_.moving() && OpensOnlyToClose(waypoints, first)) return;
   waypoints_ = std::move(waypoints);
   step_ = first;
   const Pose next_reference = sim::Advanced(reference_, V_WE_, 1 / kControlRate);
@@ -118,14 +127,6 @@ bool Tracker::Arriving() const {
     return (Interpolate(waypoints_, step + 1).X_WE.p - Interpolate(waypoints_, step).X_WE.p).norm();
   };
   return way(step_ + WaypointStep(1)) < way(step_);
-}
-
-bool Tracker::BeginsAnew(const std::vector<Waypoint>& waypoints, int first) const {
-  if (ShallClose(Interpolate(waypoints, first).gripper, closed_) == closed_) return false;
-  for (int k = 0; k < kWaypoints; ++k)
-    if (WaypointStep(k) > first && ShallClose(waypoints[static_cast<std::size_t>(k)].gripper, !closed_) == closed_)
-      return true;
-  return false;
 }
 
 // The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly. Where

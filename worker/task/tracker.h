@@ -68,8 +68,6 @@ class Tracker {
   double Advance(const Pose& now, const Pose& next);
   /// Whether the path is still on its way to where it stands.
   bool Arriving() const;
-  /// Whether `waypoints` from their step `first` undo what the fingers were told and then tell them again.
-  bool BeginsAnew(const std::vector<Waypoint>& waypoints, int first) const;
 
   SpeedShare share_;
   std::vector<Waypoint> waypoints_;

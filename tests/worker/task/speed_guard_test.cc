@@ -49,6 +49,11 @@ TEST(JointVelocityWithin, BrakesAJointThatIsTooFastAlready) {
   EXPECT_EQ(v[0], -0.2);
 }
 
+// How fast the fastest joint turns, of its limit.
+double SpeedShare(const sim::World& world) {
+  return world.v().cwiseAbs().cwiseQuotient(world.scene().arm().joint_speed).maxCoeff();
+}
+
 // How fast a joint gets, of its limit, while the hand follows `reference` (of the control step).
 double Fastest(sim::World& world, SpeedGuard* guard, int steps, const std::function<Command(int)>& reference) {
   double most = 0;
@@ -56,7 +61,7 @@ double Fastest(sim::World& world, SpeedGuard* guard, int steps, const std::funct
     Command command = reference(i);
     if (guard) command = guard->Guarded(command, world);
     world.Step(command.target, command.V_WE);
-    most = std::max(most, world.v().cwiseAbs().cwiseQuotient(world.scene().arm().joint_speed).maxCoeff());
+    most = std::max(most, SpeedShare(world));
   }
   return most;
 }
@@ -106,16 +111,15 @@ TEST(SpeedGuard, AHandWhoseJointsTurnTooFastIsStopped) {
   SpeedGuard guard(scene);
   Command command;
   command.target = {{world.X_WE().p + Eigen::Vector3d(-0.03, 0.03, 0.06), world.X_WE().q}, 1};
-  const auto share = [&] { return world.v().cwiseAbs().cwiseQuotient(scene->arm().joint_speed).maxCoeff(); };
-  for (int i = 0; i < 150 && share() <= 1; ++i) world.Step(command.target, command.V_WE);
-  ASSERT_GT(share(), 1) << "nobody guarded it";
+  for (int i = 0; i < 150 && SpeedShare(world) <= 1; ++i) world.Step(command.target, command.V_WE);
+  ASSERT_GT(SpeedShare(world), 1) << "nobody guarded it";
   const Command stopped = guard.Guarded(command, world);
   EXPECT_EQ(stopped.V_WE, Vector6(Vector6::Zero()));
   EXPECT_EQ(stopped.target.X_WE.p, world.X_WE().p);
   EXPECT_EQ(stopped.target.gripper, 1);
-  const double before = share();
+  const double before = SpeedShare(world);
   for (int i = 0; i < 3; ++i) world.Step(stopped.target, stopped.V_WE);
-  EXPECT_LT(share(), 0.7 * before);
+  EXPECT_LT(SpeedShare(world), 0.7 * before);
 }
 
 TEST(SpeedGuard, ATargetLeadsTheHandByLittle) {
