@@ -23,6 +23,7 @@ inline constexpr std::uint32_t kContentVersion = 6;
 ///   3  an answer is followed from where the reference is on its path; no joint is driven beyond its speed limit
 ///   4  fingers are waited for, and no answer opens them meanwhile to close them again; a hand that goes nowhere
 ///      follows one answer to its end; a target leads the hand by little, and a hand that is too fast is stopped
-inline constexpr std::uint32_t kRolloutVersion = 4;
+///   5  the nearer two bodies of the arm are, the slower they come nearer
+inline constexpr std::uint32_t kRolloutVersion = 5;
 
 }  // namespace etude

@@ -339,8 +339,11 @@ std::vector<Proximity> Checker::Distances(const Eigen::VectorXd& q, double withi
   impl.PlaceArm(q);
 
   std::vector<Proximity> found;
-  const int count = set == PairSet::kSelfToo ? impl.first_held_pair : impl.first_self_pair;
-  for (int i = 0; i < count; ++i) {
+  const int begin = set == PairSet::kSelfApart ? impl.first_self_pair : 0;
+  const int end = set == PairSet::kOthers    ? impl.first_self_pair
+                  : set == PairSet::kSelfToo ? impl.first_held_pair
+                                             : impl.first_self_pair + impl.apart_pairs;
+  for (int i = begin; i < end; ++i) {
     const Piece& a = impl.pieces[impl.pairs[i].first];
     const Piece& b = impl.pieces[impl.pairs[i].second];
     if (internal::AabbGap(a, b) >= within) continue;

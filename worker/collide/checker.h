@@ -31,7 +31,11 @@ struct Proximity {
 };
 
 /// Which pairs of bodies to look at.
-enum class PairSet { kOthers, kSelfToo };  ///< the arm against everything else; and against itself
+enum class PairSet {
+  kOthers,     ///< the arm against everything else
+  kSelfToo,    ///< and against itself
+  kSelfApart,  ///< only against itself, and of those pairs the ones that nothing makes near: apart at home
+};
 
 /// Answers for one arm in one scene. Verdicts are a pure function of what was set and of q: no
 /// state is kept from one query to the next. One per thread (it owns kinematics and FCL objects).

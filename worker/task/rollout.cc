@@ -72,7 +72,7 @@ Rollout::Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_p
     : runner_(runner),
       checker_(checker),
       kinematics_(scene),
-      guard_(std::move(scene)),
+      guard_(std::move(scene), checker),
       spec_(spec),
       instruction_(std::move(instruction)) {
   runner_->episode().stage_names = {"policy"};

@@ -7,8 +7,8 @@
 
 #include "services/policy/policy_types.h"
 #include "worker/collide/checker.h"
+#include "worker/task/command_guard.h"
 #include "worker/task/episode_runner.h"
-#include "worker/task/speed_guard.h"
 #include "worker/task/target_pushes.h"
 #include "worker/task/tracker.h"
 #include "worker/task/verdict.h"
@@ -58,7 +58,7 @@ class Rollout {
   EpisodeRunner* runner_;
   collide::Checker* checker_;
   sim::Kinematics kinematics_;
-  SpeedGuard guard_;
+  CommandGuard guard_;
   RolloutSpec spec_;
   std::string instruction_;
   double nearest_ = 1e9;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The last thing before a command of a rollout: no joint is driven faster than it may turn.
+// The last thing before a command of a rollout: no joint is driven faster than it may turn, and no part of the arm into
+// another.
 #pragma once
 
 #include <memory>
 
+#include "worker/collide/checker.h"
 #include "worker/sim/controller.h"
 #include "worker/sim/world.h"
 #include "worker/task/episode_runner.h"
@@ -24,19 +26,23 @@ Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Eigen::Matri
                                     const JointBox& box);
 
 /// Changes a command whose spring and path would soon have a joint turn faster than its limit: a hand that lags (it
-/// hung on something, what it pushed gave way), a reference that turns at a new answer, a wrist that has to turn over.
+/// hung on something, what it pushed gave way), a reference that turns at a new answer, a wrist that has to turn over;
+/// and one that would fold the arm into itself (self_damping.h), on a way that was demonstrated from elsewhere.
 /// Besides, a target leads the hand by 15 mm and 0.15 rad at most: more would only press on what is in the way. All
 /// other commands pass as they are. A hand whose joints turn too fast all the same (it slips off what it leans on) is
 /// stopped. The Tracker bounds what the path asks of the joints; this, what the controller does.
-class SpeedGuard {
+class CommandGuard {
  public:
-  explicit SpeedGuard(std::shared_ptr<const sim::Scene> scene) : kinematics_(std::move(scene)) {}
+  /// @param checker  borrowed; of the same scene
+  CommandGuard(std::shared_ptr<const sim::Scene> scene, collide::Checker* checker)
+      : kinematics_(std::move(scene)), checker_(checker) {}
 
   /// @param world  in which `command` is the next
   Command Guarded(const Command& command, const sim::World& world);
 
  private:
   sim::Kinematics kinematics_;
+  collide::Checker* checker_;
   sim::ControllerConfig config_;
 };
 

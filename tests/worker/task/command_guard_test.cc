@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/task/speed_guard.h"
+#include "worker/task/command_guard.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/SVD>
 #include <algorithm>
 #include <functional>
+#include <map>
+#include <memory>
 #include <string>
 
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::task {
-namespace speed_guard_test {
+namespace command_guard_test {
+
+// one for each scene, kept: making one takes as long as a test
+collide::Checker* CheckerOf(const std::shared_ptr<const sim::Scene>& scene) {
+  static std::map<std::shared_ptr<const sim::Scene>, collide::Checker> checkers;
+  return &checkers.try_emplace(scene, scene).first->second;
+}
 
 JointBox Box(double most) { return {Eigen::VectorXd::Constant(6, -most), Eigen::VectorXd::Constant(6, most)}; }
 
@@ -55,7 +63,7 @@ double SpeedShare(const sim::World& world) {
 }
 
 // How fast a joint gets, of its limit, while the hand follows `reference` (of the control step).
-double Fastest(sim::World& world, SpeedGuard* guard, int steps, const std::function<Command(int)>& reference) {
+double Fastest(sim::World& world, CommandGuard* guard, int steps, const std::function<Command(int)>& reference) {
   double most = 0;
   for (int i = 0; i < steps; ++i) {
     Command command = reference(i);
@@ -66,12 +74,12 @@ double Fastest(sim::World& world, SpeedGuard* guard, int steps, const std::funct
   return most;
 }
 
-class SpeedGuardOf : public testing::TestWithParam<const char*> {};
+class CommandGuardOf : public testing::TestWithParam<const char*> {};
 
-TEST_P(SpeedGuardOf, LetsPassWhatTheJointsCanFollow) {
+TEST_P(CommandGuardOf, LetsPassWhatTheJointsCanFollow) {
   const auto scene = sim::SceneOf(GetParam());
   sim::World world(scene);
-  SpeedGuard guard(scene);
+  CommandGuard guard(scene, CheckerOf(scene));
   const Pose start = world.X_WE();
   for (int i = 0; i < 50; ++i) {
     Command command;
@@ -86,10 +94,10 @@ TEST_P(SpeedGuardOf, LetsPassWhatTheJointsCanFollow) {
 }
 
 // what it hung on gives way: the spring is tight
-TEST_P(SpeedGuardOf, DoesNotThrowTheHandAfterItsReference) {
+TEST_P(CommandGuardOf, DoesNotThrowTheHandAfterItsReference) {
   const auto scene = sim::SceneOf(GetParam());
   sim::World free(scene), guarded(scene);
-  SpeedGuard guard(scene);
+  CommandGuard guard(scene, CheckerOf(scene));
   Command command;
   command.target.X_WE = {free.X_WE().p + Eigen::Vector3d(-0.03, 0.03, 0.06), free.X_WE().q};
   const auto reference = [&](int) { return command; };
@@ -101,14 +109,14 @@ TEST_P(SpeedGuardOf, DoesNotThrowTheHandAfterItsReference) {
   EXPECT_LT((guarded.X_WE().p - command.target.X_WE.p).norm(), 3e-3) << "and it arrives";
 }
 
-INSTANTIATE_TEST_SUITE_P(Robots, SpeedGuardOf, testing::Values("ur5", "panda", "jaco2"),
+INSTANTIATE_TEST_SUITE_P(Robots, CommandGuardOf, testing::Values("ur5", "panda", "jaco2"),
                          [](const auto& info) { return std::string(info.param); });
 
 // Whatever it was that had a joint turn too fast: the hand stops, with all its joints.
-TEST(SpeedGuard, AHandWhoseJointsTurnTooFastIsStopped) {
+TEST(CommandGuard, AHandWhoseJointsTurnTooFastIsStopped) {
   const auto scene = sim::SceneOf("jaco2");
   sim::World world(scene);
-  SpeedGuard guard(scene);
+  CommandGuard guard(scene, CheckerOf(scene));
   Command command;
   command.target = {{world.X_WE().p + Eigen::Vector3d(-0.03, 0.03, 0.06), world.X_WE().q}, 1};
   for (int i = 0; i < 150 && SpeedShare(world) <= 1; ++i) world.Step(command.target, command.V_WE);
@@ -122,10 +130,10 @@ TEST(SpeedGuard, AHandWhoseJointsTurnTooFastIsStopped) {
   EXPECT_LT(SpeedShare(world), 0.7 * before);
 }
 
-TEST(SpeedGuard, ATargetLeadsTheHandByLittle) {
+TEST(CommandGuard, ATargetLeadsTheHandByLittle) {
   const auto scene = sim::SceneOf("ur5");
   sim::World world(scene);
-  SpeedGuard guard(scene);
+  CommandGuard guard(scene, CheckerOf(scene));
   const Pose X_WE = world.X_WE();
   Command command;
   command.target = {{X_WE.p + Eigen::Vector3d(0, 0, 0.07), FromEuler({0, 0, 0.5}) * X_WE.q}, 1};
@@ -137,14 +145,14 @@ TEST(SpeedGuard, ATargetLeadsTheHandByLittle) {
 }
 
 // Commands are obeyed later: how far one leads is seen from where the hand will be.
-TEST(SpeedGuard, AHandThatObeysLateKeepsItsSpeed) {
+TEST(CommandGuard, AHandThatObeysLateKeepsItsSpeed) {
   SceneSpec spec;
   spec.robot = "ur5";
   spec.world.control_delay = 20;
   const auto built = sim::Scene::Build(spec);
   ASSERT_TRUE(built) << built.error().message;
   sim::World world(*built);
-  SpeedGuard guard(*built);
+  CommandGuard guard(*built, CheckerOf(*built));
   const Pose start = world.X_WE();
   for (int i = 0; i < 100; ++i) {
     Command command;
@@ -160,7 +168,7 @@ TEST(SpeedGuard, AHandThatObeysLateKeepsItsSpeed) {
 }
 
 // The wrist is nearly straight: to turn the hand across it, joints four and six have to turn against each other, fast.
-TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
+TEST(CommandGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
   const auto scene = sim::SceneOf("jaco2");
   Eigen::VectorXd q(6);
   q << 1.40, 4.00, 1.04, -3.24, -0.03, 1.50;
@@ -168,7 +176,7 @@ TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q), Eigen::ComputeThinU);
   ASSERT_LT(svd.singularValues()[5], 0.05);
   const Vector6 V_WE = 0.1 * svd.matrixU().col(5);
-  const auto fastest = [&](SpeedGuard* guard) {
+  const auto fastest = [&](CommandGuard* guard) {
     sim::World world(scene);
     world.SetArm(q);
     world.Forward();
@@ -180,10 +188,44 @@ TEST(SpeedGuard, AWristThatHasToTurnOverDoesSoNoFasterThanItMay) {
       return command;
     });
   };
-  SpeedGuard guard(scene);
+  CommandGuard guard(scene, CheckerOf(scene));
   EXPECT_GT(fastest(nullptr), 1.5);
   EXPECT_LE(fastest(&guard), 1.0);
 }
 
-}  // namespace speed_guard_test
+// From beside the base to the other side: the shortest way of the hand leads through the arm.
+TEST(CommandGuard, AnArmIsNotFoldedIntoItself) {
+  const auto scene = sim::SceneOf("ur5");
+  collide::Checker& checker = *CheckerOf(scene);
+  sim::Kinematics kinematics(scene);
+  const Pose home = kinematics.X_WE(scene->arm().q_home);
+  const auto q = kinematics.Solve({{-0.128, 0.054, 0.134}, home.q}, scene->arm().q_home);
+  ASSERT_TRUE(q);
+  const Pose end{{0.30, 0.158, 0.06}, home.q};
+  const auto deepest = [&](CommandGuard* guard, Pose* arrived) {
+    sim::World world(scene);
+    world.SetArm(*q);
+    world.Forward();
+    const Pose start = world.X_WE();
+    double depth = 0;
+    for (int i = 0; i < 300; ++i) {
+      const double part = std::min(1.0, i / 150.0);
+      Command command;
+      command.target.X_WE = {start.p + part * (end.p - start.p), start.q};
+      if (part < 1) command.V_WE.head<3>() = (end.p - start.p) / 150 * kControlRate;
+      if (guard) command = guard->Guarded(command, world);
+      world.Step(command.target, command.V_WE);
+      for (const auto& overlap : checker.SelfOverlaps(world.ArmPoses(), 0)) depth = std::max(depth, overlap.depth);
+    }
+    *arrived = world.X_WE();
+    return depth;
+  };
+  CommandGuard guard(scene, &checker);
+  Pose arrived;
+  EXPECT_GT(deepest(nullptr, &arrived), 0.01) << "this is what it is for";
+  EXPECT_EQ(deepest(&guard, &arrived), 0);
+  EXPECT_LT((arrived.p - end.p).norm(), 3e-3) << "and the hand gets there";
+}
+
+}  // namespace command_guard_test
 }  // namespace etude::task

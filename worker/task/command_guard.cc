@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/task/speed_guard.h"
+#include "worker/task/command_guard.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "services/core/check.h"
 #include "worker/sim/saturated.h"
+#include "worker/task/self_damping.h"
 
 namespace etude::task {
 namespace {
@@ -68,7 +69,7 @@ Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Vector6& V_W
   return (share * v).cwiseMax(box.low).cwiseMin(box.high);  // a joint that has to be braked is
 }
 
-Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
+Command CommandGuard::Guarded(const Command& command, const sim::World& world) {
   sim::ControlState state;
   state.X_WE = world.X_WE();
   state.v = world.v();
@@ -76,7 +77,8 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   state.J = kinematics_.Jacobian(q);
   const Vector6 V_WE = state.J * state.v;
   // where the hand will be when this command is obeyed
-  const Pose then = sim::Advanced(state.X_WE, V_WE, world.scene().control_delay() * kStep);
+  const double delay = world.scene().control_delay() * kStep;
+  const Pose then = sim::Advanced(state.X_WE, V_WE, delay);
   Command guarded = command;
   guarded.target.X_WE = WithinLead(then, command.target.X_WE);
   if ((state.v.cwiseAbs().array() > kStopShare * world.scene().arm().joint_speed.array()).any()) {
@@ -94,8 +96,11 @@ Command SpeedGuard::Guarded(const Command& command, const sim::World& world) {
   const Eigen::VectorXd limit = kGuardShare * world.scene().arm().joint_speed;
   const JointBox box{state.v + (-limit - state.v) / gain, state.v + (limit - state.v) / gain};
   const Eigen::VectorXd asked = sim::JointMotion(state.J, wanted - bend, kLeastDamping);
-  if (Inside(asked, box)) return guarded;
-  guarded.V_WE = state.J * JointVelocityWithin(state.J, wanted - bend, box) + bend;
+  const VelocityDampers dampers = SelfDampers(*checker_, kinematics_, q + delay * state.v, world.gripper());
+  const bool apart = dampers.Allow(asked);
+  if (apart && Inside(asked, box)) return guarded;
+  const Vector6 allowed = apart ? Vector6(wanted - bend) : Vector6(state.J * Damped(asked, dampers));
+  guarded.V_WE = state.J * JointVelocityWithin(state.J, allowed, box) + bend;
   guarded.target.X_WE = sim::Advanced(state.X_WE, guarded.V_WE, kStep);
   return guarded;
 }
