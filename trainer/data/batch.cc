@@ -29,6 +29,7 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
   for (double x : {brightness, contrast, colour})
     require(x >= 0 && x < 1, fmt::format("brightness, contrast, colour: {} not in 0..1", x));
+  require(rest > 0 && rest <= 1, fmt::format("rest: {} not above 0 and at most 1", rest));
   require(cutout >= 0 && cutout < 1, fmt::format("cutout: {} not in 0..1", cutout));
   require(cache_mb >= 0, "cache_mb: must be >= 0");
   require(threads >= 1 && threads <= 256, fmt::format("threads: {} not in 1..256", threads));

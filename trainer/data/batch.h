@@ -24,6 +24,7 @@ struct DataConfig {
   double strange = 0;         ///< fraction with a word of random letters among theirs: unheard words are passed over
   double masked = 0;          ///< of noun phrases, with a word of random letters for one that the other makes up for
   double clauses = 0;         ///< fraction of relabelled sentences with something to keep off or a second object
+  double rest = 1;            ///< share of the frames at rest, at a demonstration's end, that are taken
   int jitter = 4;             ///< +- px, random place of the crop
   double brightness = 0.06;   ///< +- fraction of 255
   double contrast = 0.08;     ///< +- fraction
@@ -47,6 +48,10 @@ struct DataConfig {
     v("masked", masked, "-",
       "share of noun phrases with random letters in place of a word that they can do without: 'push xqv cube'");
     v("clauses", clauses, "-", "share of relabelled sentences that also say what to keep off, or name a second object");
+    v("rest", rest, "-",
+      "share of the frames of a last stage `hold`, in which the hand rests, that are taken: they look like the middle "
+      "of "
+      "a demonstration that began nearer");
     v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
     v("brightness", brightness, "-", "of 255, changed by up to this share");
     v("contrast", contrast, "-", "changed by up to this share");

@@ -13,6 +13,7 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/spec/object_names.h"
+#include "services/spec/task_spec.h"
 
 namespace etude::data {
 namespace {
@@ -65,6 +66,14 @@ void WarnOfSharedScenes(const std::vector<store::DatasetReader>& readers) {
 }
 
 }  // namespace
+
+bool EpisodeEntry::AtRest(std::uint32_t frame) const {
+  const Episode& episode = record.episode;
+  const auto step = static_cast<std::size_t>(StepOf(frame));
+  // a task may hold still before it goes on, too
+  return step < episode.phase.size() && episode.phase[step] + std::size_t{1} == episode.stage_names.size() &&
+         episode.stage_names.back() == HoldSpec::kName;
+}
 
 bool UsableFrame(const EpisodeEntry& entry, std::uint32_t frame) {
   const Episode& episode = entry.episode();

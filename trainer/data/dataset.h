@@ -33,6 +33,8 @@ struct EpisodeEntry {
   static constexpr int kIndexBits = 48;
   /// Control step of a frame of the first camera.
   int StepOf(std::uint32_t frame) const { return static_cast<int>(frame) * record.episode.image_stride; }
+  /// Whether the frame is of the stage that ends a demonstration: the hand stays where it is (HoldSpec).
+  bool AtRest(std::uint32_t frame) const;
 };
 
 /// Frame of an episode; `episode` counts in Snapshot::episodes.

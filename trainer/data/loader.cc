@@ -36,14 +36,14 @@ Loader::~Loader() {
 Result<std::unique_ptr<Batch>> Loader::MakeStep(std::uint64_t step, FrameScratch& scratch,
                                                 std::unique_ptr<Batch> batch) {
   const auto snapshot = dataset_->snapshot();
-  auto samples = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch);
+  auto samples = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, 0, config_.rest);
   for (int retry = 1;; ++retry) {
     std::size_t bad = 0;
     const Status status = maker_->Make(*snapshot, samples, step, Augment::kYes, scratch, *batch, &bad);
     if (status) return batch;
     if (samples.empty() || status.error().code == Code::kInvalidArgument || retry > kMaxReplacements)
       return Fail(status.error().Wrap(fmt::format("make batch {}", step)));
-    samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry)[bad];
+    samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry, config_.rest)[bad];
     const MutexLock lock(mutex_);
     // 1, 2, 4, 8, ...: a bad file would otherwise be a line a batch
     if (std::has_single_bit(++replaced_))

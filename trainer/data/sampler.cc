@@ -11,9 +11,14 @@
 #include "services/spec/object_names.h"
 
 namespace etude::data {
+namespace {
+
+constexpr int kMostDraws = 64;
+
+}  // namespace
 
 std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed, std::uint64_t step, int batch,
-                              int retry) {
+                              int retry, double rest) {
   const auto& by_task = snapshot.frames(split);
   if (by_task.empty()) return {};
   std::vector<const std::vector<FrameRef>*> tasks;
@@ -24,7 +29,13 @@ std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64
     const std::uint64_t number = step * samples.size() + b;
     samples[b].seed = MixSeed({seed, number, static_cast<std::uint64_t>(retry)}, "sample");
     const auto& refs = *tasks[number % tasks.size()];
-    samples[b].frame = refs[Rng(samples[b].seed).Below(refs.size())];
+    Rng rng(samples[b].seed);
+    // a task of nothing but rest has no other frame to find
+    for (int draw = 0; draw < kMostDraws; ++draw) {
+      samples[b].frame = refs[rng.Below(refs.size())];
+      const FrameRef frame = samples[b].frame;
+      if (rest >= 1 || !snapshot.episodes()[frame.episode]->AtRest(frame.frame) || rng.Bernoulli(rest)) break;
+    }
   }
   return samples;
 }

@@ -19,10 +19,11 @@ struct Sample {
   std::uint64_t seed = 0;
 };
 
-/// `batch` frames with replacement; tasks take turns, frames of a task are uniform. `retry` draws
+/// `batch` frames with replacement; tasks take turns, frames of a task are uniform, but that of those at rest
+/// (EpisodeEntry::AtRest) only the share `rest`, in (0, 1], is taken and the others are drawn again. `retry` draws
 /// anew (for a frame whose file turned out to be bad). Empty when the split has no frames.
 std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed, std::uint64_t step, int batch,
-                              int retry = 0);
+                              int retry = 0, double rest = 1);
 
 /// At most `count` frames, the same ones for the same snapshot, spread evenly over tasks and
 /// episodes.

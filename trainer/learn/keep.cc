@@ -118,17 +118,21 @@ Status KeepState(TrainingRun& run) {
 
 Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
   const std::string what = fmt::format("checkpoint of step {}", run.step);
+  Status sent;
   try {
     if (hooks.on_checkpoint) {
       const AveragedWeights averaged(run);
       const checkpoint::Checkpoint made{MetadataOf(run, best), run.replicas->front().StateTensors()};
-      const Status sent = WriteOrWait(run, "the " + what, [&] { return hooks.on_checkpoint(made); });
-      if (!sent) return Fail(sent.error().Wrap(what));
+      sent = WriteOrWait(run, "the " + what, [&] { return hooks.on_checkpoint(made); });
     }
   } catch (const c10::Error& error) {
     // averaged weights need a few batches more; what was learned needs none
     ETUDE_RETURN_IF_ERROR(KeepState(run));
     return Fail(policy::TorchError(what, error));
+  }
+  if (!sent) {  // nor does it need the room of a checkpoint
+    ETUDE_RETURN_IF_ERROR(KeepState(run));
+    return Fail(sent.error().Wrap(what));
   }
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
@@ -173,7 +177,8 @@ void AveragedWeights::Measure() {
   int measured = 0;
   for (int i = 0; i < kStatisticBatches; ++i) {
     const std::uint64_t number = run_.step * kStatisticBatches + static_cast<std::uint64_t>(i);
-    const auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, run_.config.data.batch);
+    const auto& drawn = run_.config.data;
+    const auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, drawn.batch, 0, drawn.rest);
     if (const Status made = run_.maker->Make(*snapshot, samples, number, data::Augment::kYes, scratch, batch); !made) {
       Log().warn("statistics of averaged weights: a batch is left out: {}", made.error().message);
       continue;

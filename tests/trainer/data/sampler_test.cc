@@ -13,8 +13,9 @@
 namespace etude::data {
 namespace sampler_test {
 
-// a snapshot without files; episodes of task `pick` are ten times as many as the others'
-Snapshot Unbalanced() {
+// a snapshot without files; episodes of task `pick` are ten times as many as the others'. `moving`: steps of each of
+// them before the hand rests
+Snapshot Unbalanced(std::size_t moving = 30) {
   CampaignSpec spec = SyntheticSpec();
   spec.task_weights = {10, 1, 1};
   std::vector<std::shared_ptr<const EpisodeEntry>> episodes;
@@ -23,6 +24,9 @@ Snapshot Unbalanced() {
     entry->index = i;
     entry->split = i % 6 == 5 ? Split::kValid : Split::kTrain;
     entry->record.episode = MakeSyntheticEpisode(spec, i, 30);
+    auto& phase = entry->record.episode.phase;
+    entry->record.episode.stage_names = {"approach", "hold"};
+    for (std::size_t t = 0; t < phase.size(); ++t) phase[t] = t >= moving;
     entry->record.frames.resize(1);
     entry->record.frames[0].resize(entry->record.episode.cameras[0].frames.size());
     entry->usable = UsableFrames(*entry);
@@ -62,6 +66,46 @@ TEST(DrawBatch, StaysInItsSplit) {
   for (std::uint64_t step = 0; step < 20; ++step)
     for (const auto& sample : DrawBatch(snapshot, Split::kTrain, 1, step, 16))
       EXPECT_EQ(snapshot.episodes()[sample.frame.episode]->split, Split::kTrain);
+}
+
+double ShareAtRest(const Snapshot& snapshot, double rest) {
+  int at_rest = 0, all = 0;
+  for (std::uint64_t step = 0; step < 100; ++step)
+    for (const auto& sample : DrawBatch(snapshot, Split::kTrain, 1, step, 30, 0, rest)) {
+      at_rest += snapshot.episodes()[sample.frame.episode]->AtRest(sample.frame.frame);
+      ++all;
+    }
+  return static_cast<double>(at_rest) / all;
+}
+
+TEST(DrawBatch, TakesAShareOfTheFramesAtRest) {
+  const Snapshot half = Unbalanced(15);
+
+  EXPECT_NEAR(ShareAtRest(half, 1), 0.5, 0.03);
+  EXPECT_NEAR(ShareAtRest(half, 0.25), 0.2, 0.03);  // of three frames at rest as much as 3/4 of one of three others
+  EXPECT_TRUE(Same(DrawBatch(half, Split::kTrain, 1, 5, 32), DrawBatch(half, Split::kTrain, 1, 5, 32, 0, 1)));
+}
+
+// a task may hold still before it goes on
+TEST(EpisodeEntry, IsAtRestOnlyAtItsEnd) {
+  EpisodeEntry entry;
+  Episode& episode = entry.record.episode;
+  episode.image_stride = 1;
+  episode.stage_names = {"hold", "approach", "hold"};
+  episode.phase = {0, 1, 2};
+  EXPECT_FALSE(entry.AtRest(0));
+  EXPECT_FALSE(entry.AtRest(1));
+  EXPECT_TRUE(entry.AtRest(2));
+  EXPECT_FALSE(entry.AtRest(3)) << "behind its end";
+  episode.stage_names.back() = "lift";
+  EXPECT_FALSE(entry.AtRest(2));
+}
+
+TEST(DrawBatch, TakesWhatThereIsWhereEverythingRests) {
+  const Snapshot resting = Unbalanced(0);
+
+  EXPECT_EQ(DrawBatch(resting, Split::kTrain, 1, 5, 32, 0, 1e-9).size(), 32u);
+  EXPECT_EQ(ShareAtRest(resting, 1e-9), 1);
 }
 
 TEST(SpreadFrames, VisitsEveryEpisodeOnceThereIsRoom) {
