@@ -145,6 +145,7 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                        telemetry.Say(progress);
                      }};
   hooks.has_checkpoint = [&sink](std::uint64_t step) { return sink.Has(step); };
+  hooks.has_best = [&sink] { return sink.HasBest(); };
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
   if (arguments.follows() && around.participant && dataset->folders() == 1 && dataset->spec().adaptive_sampling.on())
     hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };

@@ -124,7 +124,8 @@ std::string WordsOf(const TrainingRun& run) {
   const auto &tasks = run.dataset->tasks(), &objects = run.dataset->objects();
   auto words = language::SeenWords(*run.grammar, tasks, objects);
   if (!words) return "";
-  if (run.config.data.clauses > 0 && run.config.data.sentences > 1)
+  const bool relabels = run.config.data.sentences > 1 && run.config.curriculum.relabelled != "never";
+  if (run.config.data.clauses > 0 && relabels)
     if (auto more = language::ClauseWords(*run.grammar, tasks, objects)) words->merge(*more);
   return language::WordsText(*words);
 }
@@ -164,10 +165,25 @@ Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::s
   return {};
 }
 
+// Of the specs' objects, and of what episodes show besides: an import's spec has what its first recording tracked, and
+// relabelled sentences speak of all that stands in a scene.
+Result<language::Grammar> GrammarFor(const data::Dataset& dataset, const data::Snapshot& snapshot) {
+  std::vector<std::string> objects = dataset.objects();
+  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(objects, dataset.tasks()));
+  const std::size_t known = objects.size();
+  for (const auto& entry : snapshot.episodes())
+    for (const auto& object : entry->episode().objects)
+      if (!IsDistractor(object.name) && grammar.NounPhrases(object.name).empty() &&
+          std::ranges::find(objects, object.name) == objects.end())
+        objects.push_back(object.name);
+  if (objects.size() == known) return grammar;
+  return language::Grammar::LoadFor(objects, dataset.tasks());
+}
+
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   AdoptClasses(NounsOf(*run.dataset), run.config.policy.objects);
   AdoptTasks(run.dataset->tasks(), run.config.policy);
-  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(run.dataset->objects(), run.dataset->tasks()));
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, GrammarFor(*run.dataset, snapshot));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
   run.words = WordsOf(run);
   policy::PolicyConfig& config = run.config.policy;
@@ -364,6 +380,25 @@ Result<std::optional<RunState>> StateToResume(const RunOptions& options) {
   return std::optional(std::move(state));
 }
 
+// As where a run begins with a checkpoint: what has not begun to learn never would, and nothing that reads it may
+// drive.
+Status CheckFrozenLearned(const RunState& state, const TrainingRun& run) {
+  const auto learned = [](const auto& item) { return item.second.trained_steps > 0; };
+  if (std::ranges::none_of(state.modules, learned)) return {};  // states of before count no steps at all
+  std::vector<std::string> untrained;
+  for (const auto& module : run.config.policy.modules) {
+    const bool has_loss = !module.decoder.quantity.empty() || policy::IsToldWhereToLook(module);
+    if (!has_loss || std::ranges::count(run.config.init.freeze, module.name) == 0) continue;
+    const auto record = state.modules.find(module.name);
+    if (record == state.modules.end() || (record->second.trained_steps == 0 && !record->second.error))
+      untrained.push_back(module.name);
+  }
+  if (untrained.empty()) return {};
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("init.freeze: {}: not trained yet: it would never learn; leave it out", fmt::join(untrained, ", ")));
+}
+
 Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics,
                     const std::optional<RunState>& state, int copies_here, TrainingRun& run) {
   ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run, statistics, copies_here));
@@ -377,6 +412,7 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
   if (state) {
     ETUDE_RETURN_IF_ERROR(CheckFits(*state, run));
     ETUDE_RETURN_IF_ERROR(checkpoint::CheckFreeze(run.config.policy, run.config.init.freeze));
+    ETUDE_RETURN_IF_ERROR(CheckFrozenLearned(*state, run));
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "services/core/log.h"
 #include "services/core/rng.h"
@@ -253,7 +254,7 @@ Status Trainer::Impl::NoteEnd(Status ended) {
 
 Status Trainer::Impl::Finish() {
   loader.reset();
-  ETUDE_RETURN_IF_ERROR(reporter.Flush());
+  const Status told = reporter.Flush();  // where it cannot be written, what was learned is kept all the same
   const bool by_time = !stopped && run.limit.minutes() > 0;
   if (by_time) {
     run.limit.EndAt(run.step);
@@ -270,6 +271,7 @@ Status Trainer::Impl::Finish() {
   }
   reporter.Report(!stopped);
   ETUDE_RETURN_IF_ERROR(measured);
+  ETUDE_RETURN_IF_ERROR(told);
   Log().info("{} at step {} after {}; '{}'", stopped ? "stopped" : "finished", run.step, FormatDuration(run.Elapsed()),
              run.options.out.string());
   return run.log->Sync();
@@ -308,6 +310,10 @@ Status Trainer::Impl::Loop() {
   run.config.minutes = run.limit.minutes();
   ETUDE_RETURN_IF_ERROR(KeepConfig(run));
   if (hooks.has_checkpoint && !hooks.has_checkpoint(run.checkpoint_step)) run.checkpoint_step = 0;
+  if (hooks.has_best && !hooks.has_best()) {
+    run.best_stage = 0;
+    run.best_score = std::numeric_limits<double>::infinity();
+  }
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
   run.watch.Restart();
   run.waited = 0;

@@ -49,6 +49,8 @@ struct Hooks {
   /// Whether the checkpoint that was made at a step is still there: a resumed run makes one that is not. Left out: it
   /// is.
   std::function<bool(std::uint64_t step)> has_checkpoint = nullptr;
+  /// Whether the best one is: where it is gone, the next that is measured is the best. Left out: it is.
+  std::function<bool()> has_best = nullptr;
 };
 
 struct RunOptions {

@@ -155,6 +155,11 @@ bool CheckpointSink::Has(std::uint64_t step) const {
   return fs::exists(folder_ / checkpoint::FileNameOf(step), error);
 }
 
+bool CheckpointSink::HasBest() const {
+  std::error_code error;
+  return fs::exists(LinkOf(folder_, kBest), error);  // the file, not the link
+}
+
 void CheckpointSink::AwaitSubscribers() {
   constexpr std::chrono::seconds kPatience{30};
   if (publisher_ && !publisher_->AwaitTaken(StopRequested() ? std::chrono::seconds(3) : kPatience))

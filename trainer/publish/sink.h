@@ -50,6 +50,8 @@ class CheckpointSink {
   Result<Kept> Save(const checkpoint::Checkpoint& made);
   /// Whether the one of `step` is in the folder: files are the user's to remove.
   bool Has(std::uint64_t step) const;
+  /// Whether the one that `best` names is.
+  bool HasBest() const;
   /// Until those who follow the run have what was published, for half a minute at most; what they have not is logged.
   void AwaitSubscribers();
   std::uint64_t published() const { return published_; }

@@ -124,6 +124,25 @@ TEST_F(InitTest, AModuleOfAnObjectThatIsNotThereIsRefused) {
   EXPECT_THAT(refused.error().message, HasSubstr("which the data do not have"));
 }
 
+// as where a run begins with a checkpoint
+TEST_F(InitTest, ARunThatGoesOnFreezesNothingThatHasNotLearned) {
+  const std::vector<std::string> first{"steps=20", "curriculum.latest_last=0.95"};
+  Hooks ends;  // at step 10, long before CTRL's stage
+  ends.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status { return Fail(Code::kInternal, "no folder"); };
+  ASSERT_FALSE(Train(TinyConfig(first), folder_ / "whole", false, ends));
+  const auto resumed = [&](const std::string& frozen) {
+    std::vector<std::string> overrides = first;
+    overrides.insert(overrides.end(), {"init.freeze=[" + frozen + "]"});
+    return Train(TinyConfig(overrides), folder_ / "whole", true);
+  };
+  const Status refused = resumed("CTRL");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(refused.error().message, HasSubstr("CTRL: not trained yet"));
+  const Status learned = resumed("LANG");
+  EXPECT_TRUE(learned) << learned.error().message;
+}
+
 TEST_F(InitTest, ResumesWithoutTheCheckpointThatItBeganWith) {
   const auto config = Begun({"steps=20"});
   ASSERT_TRUE(Train(config, folder_ / "run"));

@@ -5,8 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 
+#include "services/language/held_out.h"
 #include "services/spec/episode_world.h"
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/checkpoint/readiness.h"
@@ -143,6 +145,63 @@ TEST_F(KeepTest, TheStateIsKeptWhereTheCheckpointCannotBeComputed) {
   ASSERT_NE(again, nullptr);
   EXPECT_EQ(again->step, 17u);
   EXPECT_EQ(again->checkpoint_step, 0u);
+}
+
+// before, up to checkpoint.every_steps of them were lost with a folder of checkpoints that had gone
+TEST_F(KeepTest, TheStateIsKeptWhereTheCheckpointCannotBeWritten) {
+  auto run = Build({"steps=30"});
+  ASSERT_NE(run, nullptr);
+  run->step = 17;
+  Hooks hooks;
+  hooks.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status { return Fail(Code::kInternal, "no such folder"); };
+  const Status kept = KeepNow(*run, hooks, false);
+  ASSERT_FALSE(kept);
+  EXPECT_THAT(kept.error().message, HasSubstr("checkpoint of step 17: no such folder"));
+  const auto again = Build({"steps=30"}, true);
+  ASSERT_NE(again, nullptr);
+  EXPECT_EQ(again->step, 17u);
+  EXPECT_EQ(again->checkpoint_step, 0u);
+}
+
+// As of an import, whose spec has what its first recording tracked: before, the first sentence about what a later one
+// shows besides ended the process.
+TEST_F(KeepTest, SentencesAreAboutAllThatStandsInAScene) {
+  const CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  {
+    auto writer = store::DatasetWriter::Open(folder_ / "import", spec);
+    ASSERT_TRUE(writer) << writer.error().message;
+    for (std::uint64_t i = 0; i < 24; ++i) {
+      Episode episode = MakeSyntheticEpisode(spec, i);
+      const auto other = std::ranges::find_if(episode.objects,
+                                              [&](const ObjectTrack& object) { return object.name != episode.target; });
+      ASSERT_NE(other, episode.objects.end());
+      if (i > 0) other->name = "wrench";
+      ASSERT_TRUE(writer->Commit(episode));
+    }
+  }
+  dataset_ = *data::Dataset::Open(folder_ / "import");
+  const auto run = Build({"data.sentences=6"});
+  ASSERT_NE(run, nullptr);
+  const auto snapshot = run->dataset->snapshot();
+  data::Batch batch;
+  data::FrameScratch scratch;
+  bool said = false;
+  for (std::uint64_t number = 0; number < 10; ++number) {
+    ASSERT_TRUE(run->maker->Make(*snapshot, data::DrawBatch(*snapshot, data::Split::kTrain, 1, number, 16), number,
+                                 data::Augment::kNo, scratch, batch));
+    for (const auto& sentence : batch.sentences) said |= sentence.find("wrench") != std::string::npos;
+  }
+  EXPECT_TRUE(said);
+}
+
+// Clauses are put into relabelled sentences.
+TEST_F(KeepTest, WordsOfClausesAreThoseOfTrainingOnlyWhereItRelabels) {
+  const auto relabels = Build({"data.clauses=0.25"});
+  ASSERT_NE(relabels, nullptr);
+  EXPECT_TRUE(language::WordsIn(relabels->words).contains("without"));
+  const auto never = Build({"data.clauses=0.25", "curriculum.relabelled=never"});
+  ASSERT_NE(never, nullptr);
+  EXPECT_FALSE(language::WordsIn(never->words).contains("without"));
 }
 
 TEST_F(KeepTest, ARunDoesNotGoOnWithAnotherRobotOrCamera) {

@@ -26,7 +26,7 @@ TEST_F(TrainerTest, ResumesBitForBit) {
     hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
       for (const auto& [name, tensor] : kept.tensors)
         if (kept.metadata.step == 40) sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
-      // a hook that fails for good is a crash right after a saved state
+      // what was learned until then is kept where the checkpoint cannot be
       if (stop_at > 0 && kept.metadata.step == stop_at + 10) return Fail(Code::kInternal, "crash");
       return {};
     };
@@ -36,7 +36,7 @@ TEST_F(TrainerTest, ResumesBitForBit) {
   };
 
   const auto whole = losses(folder_ / "whole", 0, false);
-  losses(folder_ / "parts", 20, false);  // state of step 20 is saved, then it dies at 30
+  losses(folder_ / "parts", 20, false);  // ends at step 30
   const auto rest = losses(folder_ / "parts", 0, true);
 
   ASSERT_FALSE(whole.empty());
@@ -66,6 +66,31 @@ TEST_F(TrainerTest, ResumedAtItsEndMakesTheCheckpointThatIsNotThere) {
   there = false;
   ASSERT_TRUE(Train(config, folder_ / "run", true, hooks));
   EXPECT_EQ(kept, std::vector<std::uint64_t>{20});
+}
+
+// before, its score stayed, which might never be had again
+TEST_F(TrainerTest, ResumedWithoutItsBestCheckpointItHasANewOne) {
+  const auto bests = [&](const char* steps, bool resume, bool there) {
+    std::vector<std::uint64_t> made;
+    Hooks hooks;
+    hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+      if (kept.metadata.best) made.push_back(kept.metadata.step);
+      return {};
+    };
+    hooks.has_best = [&] { return there; };
+    // with so high a rate nothing is better than what the first steps had
+    const TrainConfig config =
+        TinyConfig({steps, "curriculum.enabled=false", "optimizer.schedule=constant", "optimizer.warmup_steps=0",
+                    resume ? "optimizer.lr=0.5" : "optimizer.lr=0.01"});
+    EXPECT_TRUE(Train(config, folder_ / "run", resume, hooks));
+    return made;
+  };
+  ASSERT_FALSE(bests("steps=20", false, true).empty());
+  std::filesystem::copy(folder_ / "run", folder_ / "copy", std::filesystem::copy_options::recursive);
+  ASSERT_TRUE(bests("steps=30", true, true).empty()) << "it is worse";
+  std::filesystem::remove_all(folder_ / "run");
+  std::filesystem::rename(folder_ / "copy", folder_ / "run");
+  EXPECT_EQ(bests("steps=30", true, false), std::vector<std::uint64_t>{30});
 }
 
 TEST_F(TrainerTest, ItsFilesSayHowItEnded) {

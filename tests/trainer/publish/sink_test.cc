@@ -46,6 +46,9 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
   EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints", "starts"}));
   EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/latest.safetensors").value().metadata.step, 6u);
   EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/best.safetensors").value().metadata.step, 2u);
+  EXPECT_TRUE(sink->HasBest());
+  std::filesystem::remove(folder / "checkpoints/00000002.safetensors");
+  EXPECT_FALSE(sink->HasBest()) << "the link alone is none";
 }
 
 TEST(CheckpointSink, LeavesFilesOfOtherNamesToTheirOwner) {
