@@ -250,8 +250,10 @@ std::vector<Presence> Directory::Others(const Presence& own) {
   for (auto& presence : Live()) {
     if (presence.kind != own.kind || presence.instance == own.instance) continue;
     if (presence.id != own.id && !LeaseTheSame(presence, own)) continue;
-    const bool own_past =
-        presence.host == own.host && presence.folder == own.folder && presence.folder_key == own.folder_key;
+    // "data", "data/" and a link to it are one folder: its key says so, where it has one
+    const bool same_folder =
+        presence.folder_key == own.folder_key && (!own.folder_key.empty() || presence.folder == own.folder);
+    const bool own_past = presence.host == own.host && same_folder;
     if (!own_past) others.push_back(std::move(presence));
   }
   return others;

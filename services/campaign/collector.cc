@@ -130,6 +130,7 @@ LeaseTable MakeTable(const CampaignSpec& spec, const EpisodeSink& sink, const Hi
   LeaseTable table({.total = spec.episodes,
                     .shard = options.shard,
                     .max_attempts = static_cast<std::uint32_t>(spec.max_attempts),
+                    .one_attempt = spec.mode == "rollout",
                     .max_in_flight = options.max_in_flight,
                     .duration = options.lease,
                     .epoch = epoch});

@@ -181,6 +181,7 @@ void Collector::Impl::PublishStatus() {
     const Time now = MonotonicClock::now();
     // when all is done, Drain says how long they are waited for
     if (!all_done) std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    if (heard.empty()) policy_away_since.reset();  // while nobody asks it, its silence says nothing
     std::erase_if(hosts, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     // of who is back after a long silence, and goes on with a lease that had expired, it is still asked
     constexpr std::size_t kMostRemembered = 10'000;

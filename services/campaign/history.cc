@@ -138,7 +138,8 @@ Status CarryHosts(const std::vector<Path>& folders, const Path& to) {
 LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {
   if (outcome == kPolicyError || outcome == store::kRecheckMismatch) return LeaseTable::Retry::kSameAttempt;
   // a rollout's scene is a function of its index: another attempt would be the same
-  if (outcome == kSceneInvalid && spec.mode == "rollout") return LeaseTable::Retry::kNever;
+  if ((outcome == kSceneInvalid || outcome == kKillsWorkers) && spec.mode == "rollout")
+    return LeaseTable::Retry::kNever;
   return LeaseTable::Retry::kNextAttempt;
 }
 

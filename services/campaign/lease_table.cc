@@ -277,7 +277,7 @@ bool LeaseTable::CountDeath(std::uint64_t index) {
     free_.erase({entry.losses, index});
     entry.losses = 0;
   }
-  Fail(index, failed ? Retry::kNextAttempt : Retry::kSameAttempt);
+  Fail(index, failed ? AfterDeaths() : Retry::kSameAttempt);
   return failed;
 }
 
@@ -301,7 +301,7 @@ std::optional<LeaseTable::Failed> LeaseTable::Revoke(const std::string& worker, 
       if (++entry.deaths >= config_.max_deaths) {
         ++lost_;
         failed = {index, entry.attempt};
-        Fail(index, Retry::kNextAttempt);
+        Fail(index, AfterDeaths());
         continue;
       }
     }

@@ -40,6 +40,7 @@ struct LeaseTableConfig {
   Shard shard;                           ///< ... of which only this one's are leased
   std::uint32_t max_attempts = 10;       ///< failed attempts per index; then it is given up
   std::uint32_t max_deaths = 3;          ///< of workers by one attempt; then it has failed itself
+  bool one_attempt = false;              ///< another one would be the same (rollouts): then the index is given up
   std::uint64_t max_in_flight = 16'384;  ///< leases worked on at once; as many may wait
   std::chrono::nanoseconds duration{std::chrono::seconds(10)};  ///< without renewal
   std::uint64_t epoch = 1;  ///< the first bits of every token; grows with each start of the collector
@@ -151,6 +152,7 @@ class LeaseTable {
   Entry& EntryOf(std::uint64_t index);
   const Entry* Find(std::uint64_t index) const;
   void Free(std::uint64_t index, Entry& entry);
+  Retry AfterDeaths() const { return config_.one_attempt ? Retry::kNever : Retry::kNextAttempt; }
   void Close(std::uint64_t index, Entry& entry);
   void EndLease(std::uint64_t index, Entry& entry);
   void Begin(Entry& entry);

@@ -121,7 +121,7 @@ std::string FailuresPage(const OrderedJson& outcomes) {
     page += fmt::format("| `{}` | {} |\n", row["outcome"].get<std::string>(), Cell(row["meaning"].get<std::string>()));
   page += fmt::format(
       "| `{}` | the collector's word: it crashed or hung three workers, one after the other, and the next "
-      "attempt is made instead |\n",
+      "attempt is made instead; a rollout is given up |\n",
       campaign::kKillsWorkers);
   return page;
 }

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <utility>
@@ -42,6 +43,7 @@ struct Relay::Impl {
   std::optional<bus::Announcement> presence;
   std::optional<bus::BlobSubscriber> subscriber;
   std::map<std::string, Channel> channels;
+  std::map<std::string, std::uint64_t> unkept = {};  // by channel: the newest version that cannot be kept now
 
   Status Take(const bus::PublishedBlob& blob);
   void Update(const std::string& channel, const Kept& one);
@@ -63,7 +65,10 @@ Status Relay::Impl::Take(const bus::PublishedBlob& blob) {
 // Late joiners get it from the run as long as that is there. What the run has to say is heard before it is replaced.
 void Relay::Impl::Update(const std::string& name, const Kept& one) {
   Channel& channel = channels[name];
-  if (subscriber->Offered(name, one.version)) {
+  const auto newer = unkept.find(name);
+  const bool there =
+      subscriber->Offered(name, one.version) || (newer != unkept.end() && subscriber->Offered(name, newer->second));
+  if (there) {
     if (channel.publisher)
       Log().info("the run itself has its newest checkpoint again run={} channel={} version={}", run.partition(), name,
                  one.version);
@@ -113,7 +118,16 @@ Result<Relay> Relay::Open(const bus::Participant& participant, const bus::Owner&
   ETUDE_ASSIGN_OR_RETURN(impl->presence, bus::Announcement::Open(participant, presence, Claim::kAdopt));
   bus::ReceiveOptions receive;
   receive.from_relays = false;
-  receive.accept = [relay = impl.get()](const bus::PublishedBlob& blob) { return relay->Take(blob); };
+  receive.accept = [relay = impl.get()](const bus::PublishedBlob& blob) {
+    const Status taken = relay->Take(blob);
+    if (taken) {
+      relay->unkept.erase(blob.channel);
+    } else if (taken.error().code == Code::kUnavailable) {
+      auto& newest = relay->unkept[blob.channel];
+      newest = std::max(newest, blob.version);
+    }
+    return taken;
+  };
   ETUDE_ASSIGN_OR_RETURN(impl->subscriber, bus::BlobSubscriber::Open(participant, run, "", receive));
   return Relay(std::move(impl));
 }

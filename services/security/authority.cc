@@ -398,10 +398,17 @@ Status Revoke(const Path& folder, const std::string& name) {
   ETUDE_RETURN_IF_ERROR(WriteCrl(folder, identities, issued));
   ETUDE_ASSIGN_OR_RETURN(const std::string crl, ReadTextFile(folder / "public" / "crl.pem", 1 << 24));
   std::error_code error;
-  for (const auto& item : issued)
-    if (std::filesystem::is_directory(folder / item.name, error))
-      ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder / item.name / "crl.pem", crl));
-  return {};
+  Status copied;  // why the first that could not be written was not: the others have it all the same
+  for (const auto& item : issued) {
+    if (!std::filesystem::is_directory(folder / item.name, error)) continue;
+    const Status written = WriteFileAtomically(folder / item.name / "crl.pem", crl);
+    if (!written && copied)
+      copied =
+          Fail(written.error().Wrap(fmt::format("'{}' is revoked, but not all identities here have the list; copy "
+                                                "'{}' into the others",
+                                                name, (folder / "public" / "crl.pem").string())));
+  }
+  return copied;
 }
 
 Result<std::vector<Issued>> ReadIssued(const Path& folder) {

@@ -81,7 +81,13 @@ Status CheckChain(const Identity& identity, X509* certificate) {
   ETUDE_ASSIGN_OR_RETURN(const Crl crl, ReadCrl(folder / "crl.pem"));
   if (X509_CRL_verify(crl.get(), X509_get0_pubkey(ca.get())) != 1)
     return Refuse(folder, "crl.pem is not of the authority of identity-ca.pem");
-  if (SecondsOf(X509_CRL_get0_nextUpdate(crl.get())) <= static_cast<std::int64_t>(WallSeconds()))
+  const auto now = static_cast<std::int64_t>(WallSeconds());
+  if (const std::int64_t from = SecondsOf(X509_CRL_get0_lastUpdate(crl.get())); now < from)
+    return Refuse(folder,
+                  fmt::format("crl.pem holds from {} on, and it is {}, so that every certificate would count as "
+                              "invalid: is this machine's clock right?",
+                              UtcText(from), UtcText(now)));
+  if (SecondsOf(X509_CRL_get0_nextUpdate(crl.get())) <= now)
     return Refuse(folder, "crl.pem is out of date, so that every certificate would count as invalid; make a new one");
   X509_REVOKED* entry = nullptr;
   if (X509_CRL_get0_by_cert(crl.get(), &entry, certificate) == 1)

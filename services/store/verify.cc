@@ -41,7 +41,8 @@ Status ForEach(std::size_t n, const char* what, const std::function<void(std::si
   };
   const std::size_t threads = std::min<std::size_t>({static_cast<std::size_t>(Cores()), 8, n});
   std::vector<std::jthread> pool;
-  for (std::size_t t = 1; t < threads; ++t) pool.emplace_back(run);
+  for (std::size_t t = 1; t < threads; ++t)  // the system may have no more of them: those that are there do all
+    if (!WithoutThrowing([&]() -> Status { return pool.emplace_back(run), Status(); })) break;
   run();
   pool.clear();
   if (!thrown) return Fail(thrown.error().Wrap(fmt::format("{}, after {} of {} files", what, done.load(), n)));

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "services/core/stop.h"
+#include "services/core/without_throwing.h"
 #include "worker/synthesis/mesh_file.h"
 #include "worker/synthesis/picture_file.h"
 
@@ -64,7 +65,8 @@ Result<std::vector<ObjectFacts>> MakeObjects(const std::vector<Maker>& makers, c
     }
   };
   std::vector<std::thread> workers;
-  for (int k = 1; k < threads; ++k) workers.emplace_back(work);
+  for (int k = 1; k < threads; ++k)  // the system may have no more of them: those that are there do all
+    if (!WithoutThrowing([&]() -> Status { return workers.emplace_back(work), Status(); })) break;
   work();
   for (auto& worker : workers) worker.join();
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <functional>
 
 #include "services/bus/access.h"
@@ -251,6 +252,20 @@ TEST(Directory, ThePastOfTheSameFolderIsNoOther) {
   WaitUntilSeen(peers.b);
   auto again = Announce(peers.b, MakeRun("killed", "aaaa000000000001", "/same", 2));
   EXPECT_FALSE(again.Successor());
+}
+
+// Before, a campaign that was killed and begun again within its presence's time was refused for a slash.
+TEST(Directory, AFolderInAnotherSpellingIsTheSame) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "data");
+  std::filesystem::create_directory_symlink(folder / "data", folder / "link");
+  const auto peers = OpenTwo(kDomain);
+  const auto killed = Announce(peers.a, MakeRun("spelled", "aaaa000000000001", (folder / "data").string(), 1));
+  WaitUntilSeen(peers.b);
+  for (const char* spelling : {"data/", "link"}) {
+    auto again = Announce(peers.b, MakeRun("spelled", "aaaa000000000001", (folder.path() / spelling).string(), 2));
+    EXPECT_FALSE(again.Successor()) << spelling;
+  }
 }
 
 // Two containers of one host name, each with a copy of the dataset under the same path.

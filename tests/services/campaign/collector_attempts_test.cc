@@ -81,6 +81,23 @@ TEST_F(CollectorAttempts, AnAttemptThatCrashesWorkersHasFailed) {
   EXPECT_THAT(ReadTextFile(folder_ / "data/attempts.jsonl").value(), testing::HasSubstr("SIGSEGV"));
 }
 
+// A rollout's scene and policy are what they were: before, the next attempt's was made and refused for ever.
+TEST_F(CollectorAttempts, ARolloutThatCrashesWorkersIsGivenUp) {
+  CampaignSpec spec = Spec("deadly-rollout", 1);
+  spec.mode = "rollout";
+  spec.rollout.run = "run";
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker worker(*participant_, spec, running->id(), "worker");
+  for (int death = 1; death <= 3; ++death) {
+    const bus::Lease lease = worker.Ask();
+    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+    worker.Report(lease, running->id(), SpecHash(spec), kReleased,
+                  R"({"reason": "child_crashed", "by_attempt": true, "ended_by": "signal SIGBUS"})");
+  }
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kDone);
+  EXPECT_EQ(running->progress().given_up, 1u);
+}
+
 // More of them than an index has attempts.
 TEST_F(CollectorAttempts, ForgedReportsGiveNothingUp) {
   CampaignSpec spec = Spec("forged", 2);
@@ -170,6 +187,10 @@ class Beating {
   }
   void Beat(std::uint32_t step) {
     status_.step = step;
+    EXPECT_TRUE(writer_.Write(status_));
+  }
+  void SayGoodbye() {
+    status_.phase = bus::kGonePhase;
     EXPECT_TRUE(writer_.Write(status_));
   }
 
@@ -285,6 +306,30 @@ TEST_F(CollectorAttempts, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvalua
   auto again = Collector::Open(*participant_, spec, folder_ / "data", options);
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->progress().given_up, 0u);
+}
+
+// A night without workers is no night without the policy: before, the first late answer of the morning ended it.
+TEST_F(CollectorAttempts, WhileNobodyAsksThePolicyItsSilenceSaysNothing) {
+  CampaignSpec spec = Spec("night", 1);
+  spec.mode = "rollout";
+  spec.rollout.run = "run";
+  CollectorOptions options = QuickOptions();
+  options.policy_patience = 4s;
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  RawWorker worker(*participant_, spec, running->id(), "raw");
+  const auto fail = [&] {
+    const bus::Lease lease = worker.Ask();
+    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+    worker.Report(lease, running->id(), SpecHash(spec), kPolicyError, R"({"reason": "no answer of 'run'"})");
+  };
+  fail();
+  ASSERT_TRUE(WaitFor([&] { return !running->progress().error.empty(); }));
+  const Stopwatch outage;
+  Beating(*participant_, running, spec, {}, "raw").SayGoodbye();
+  EXPECT_TRUE(WaitFor([&] { return running->progress().error.empty(); })) << "nobody waits for it";
+  ASSERT_TRUE(WaitFor([&] { return outage.Seconds() > 4; }));
+  fail();
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork) << "it is waited for again";
 }
 
 TEST_F(CollectorAttempts, APolicyThatIsForSomethingElseEndsTheEvaluationAtOnce) {

@@ -143,14 +143,20 @@ TEST(ReadHistory, DoesNotCountWhatAnOlderProgramForgot) {
   EXPECT_TRUE(DropForgottenCount(folder / "none")) << "nothing to drop";
 }
 
-TEST(ReadHistory, ARolloutWithoutASceneIsNeverTriedAgain) {
+TEST(ReadHistory, ARolloutWithoutASceneOrThatEndsWorkersIsNeverTriedAgain) {
   TemporaryFolder folder;
   ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", R"({"index": 3, "attempt": 0, "outcome": "scene_invalid"})"
+                                                             "\n"
+                                                             R"({"index": 4, "attempt": 0, "outcome": "kills_workers"})"
                                                              "\n"));
-  CampaignSpec spec;
-  EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(3).failures, 1u) << "a demonstration's next scene is another";
-  spec.mode = "rollout";
-  EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(3).failures, static_cast<std::uint32_t>(spec.max_attempts));
+  for (const std::uint64_t index : {3, 4}) {
+    CampaignSpec spec;
+    EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(index).failures, 1u)
+        << "a demonstration's next scene is another";
+    spec.mode = "rollout";
+    EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(index).failures,
+              static_cast<std::uint32_t>(spec.max_attempts));
+  }
 }
 
 TEST(ReadHistory, IsEmptyWithoutAFile) {

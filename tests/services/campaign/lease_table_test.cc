@@ -273,6 +273,21 @@ TEST(LeaseTable, WhatWaitedForADeadWorkerIsFreeAndCountsNothing) {
   EXPECT_EQ(table.Request("last", Time{}).index, first.index) << "what lost its worker comes behind";
 }
 
+TEST(LeaseTable, WhereAnotherAttemptWouldBeTheSameTheIndexIsGivenUp) {
+  auto config = Config(1);
+  config.max_deaths = 2;
+  config.one_attempt = true;
+  LeaseTable told(config), seen(config);
+  EXPECT_FALSE(told.CountDeath(told.Request("w", Time{}).index));
+  EXPECT_TRUE(told.CountDeath(told.Request("w", Time{}).index));
+  EXPECT_EQ(told.given_up(), 1u);
+  for (int death = 1; death <= 2; ++death) {
+    (void)seen.Request("w", Time{});
+    EXPECT_EQ(seen.Revoke("w", true).has_value(), death == 2);
+  }
+  EXPECT_EQ(seen.given_up(), 1u);
+}
+
 // An attempt is a function of its numbers: what crashed three workers would crash the next one, too.
 TEST(LeaseTable, AnAttemptThatEndsWorkersHasFailedItself) {
   auto config = Config(2);

@@ -198,6 +198,23 @@ TEST_F(RelayTest, SignaturesAreCheckedAndPassedOn) {
   ExpectSame(subscriber.Wait(20s).value(), is_signed);
 }
 
+// before, with a full disk an old checkpoint was offered beside the run that had newer ones
+TEST_F(RelayTest, WhatCannotBeKeptNowShowsThatTheRunIsThere) {
+  const auto old = Blob("latest", kStart + 1);
+  auto relay = OpenRelay(peers_.a, "relay", [&](const bus::PublishedBlob& blob) -> Status {
+    if (blob.version > old.version) return Fail(Code::kUnavailable, "no space left");
+    return {};
+  });
+  auto run = Begin({old});
+  ASSERT_TRUE(StepUntilKept(relay, old.version));
+  for (std::uint64_t version : {kStart + 2, kStart + 3}) run->Publish(Blob("latest", version));
+  for (int i = 0; i < 20; ++i) relay.Step(kPatience);
+  EXPECT_THAT(relay.offered(), IsEmpty());
+
+  run.reset();
+  EXPECT_TRUE(StepUntilOffered(relay, {"latest"})) << "better than nothing";
+}
+
 TEST_F(RelayTest, WhatIsNoCheckpointIsNotKept) {
   auto relay = OpenRelay(peers_.a);
   auto garbage = Blob("latest", kStart + 1);

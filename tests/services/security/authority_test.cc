@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <filesystem>
+#include <memory>
 #include <thread>
 
 #include "services/core/clock.h"
@@ -157,6 +159,33 @@ TEST_F(AuthorityTest, RefusesIdentitiesOutOfTheirTime) {
   EXPECT_THAT(Refusal(IssueWorker("past", -7200, -3600).value()), HasSubstr("it expired on"));
   EXPECT_THAT(Refusal(IssueWorker("future", 3600, 7200).value()), HasSubstr("it holds from"));
   EXPECT_THAT(Refusal(IssueWorker("ending", -86400, 30).value()), HasSubstr("about to expire"));
+}
+
+// As on a host whose clock is behind its administrator's: the library says no more than that it does not begin.
+TEST_F(AuthorityTest, RefusesARevocationListOfTheFuture) {
+  const Path path = IssueWorker("rack-1").value();
+  const Crl crl = ReadCrl(path / "crl.pem").value();
+  const std::unique_ptr<ASN1_TIME, decltype(&ASN1_TIME_free)> later(ASN1_TIME_set(nullptr, Now() + 600),
+                                                                    &ASN1_TIME_free);
+  ASSERT_EQ(X509_CRL_set1_lastUpdate(crl.get(), later.get()), 1);
+  const Key key = ReadPrivateKey(folder_.path() / "ca" / "identity-ca.key").value();
+  ASSERT_GT(X509_CRL_sign(crl.get(), key.get(), EVP_sha256()), 0);
+  ASSERT_TRUE(WriteFileAtomically(path / "crl.pem", std::string_view(PemOf(crl).value())));
+  EXPECT_THAT(Refusal(path), HasSubstr("is this machine's clock right?"));
+}
+
+// One folder that cannot be written: before, all identities issued after it went on with the old list.
+TEST_F(AuthorityTest, ARevocationReachesAllThatCanBeWritten) {
+  const Path first = IssueWorker("rack-1").value();
+  ASSERT_TRUE(IssueWorker("rack-2"));
+  const Path last = IssueWorker("rack-3").value();
+  std::filesystem::remove(first / "crl.pem");
+  std::filesystem::create_directories(first / "crl.pem" / "in the way");
+
+  const Status revoked = Revoke(folder_.path(), "rack-2");
+  ASSERT_FALSE(revoked);
+  EXPECT_THAT(revoked.error().message, HasSubstr("'rack-2' is revoked, but not all identities here have the list"));
+  EXPECT_EQ(sk_X509_REVOKED_num(X509_CRL_get_REVOKED(ReadCrl(last / "crl.pem").value().get())), 1);
 }
 
 TEST_F(AuthorityTest, RefusesTheRevoked) {

@@ -22,7 +22,12 @@ class SlotTest : public testing::Test {
       : slot_({.argv = {(campaign::ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
                .name = "s0",
                .stall = 5000ms}) {}
-  void SetUp() override { ASSERT_TRUE(slot_.Begin({"ab", {}, ""})); }
+  void SetUp() override { ASSERT_TRUE(slot_.Begin(Hasty({"ab", {}, ""}))); }
+  // Not more patient than the slot.
+  static campaign::JoinedCampaign Hasty(campaign::JoinedCampaign joined) {
+    joined.spec.stall_timeout_s = 1;
+    return joined;
+  }
 
   Result<campaign::WorkResult> Do(std::uint64_t index) {
     return slot_.Do({.index = index, .attempt = 4, .weights = {}, .progress = progress_},
@@ -80,6 +85,21 @@ TEST_F(SlotTest, ReplacesAChildThatHangs) {
 }
 
 TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campaign::kChildHung, "without progress"); }
+
+// Which attempt has failed must not depend on who made it.
+TEST_F(SlotTest, IsAsPatientAsItsCampaign) {
+  Slot hasty({.argv = {(campaign::ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
+              .name = "s1",
+              .stall = 100ms});
+  campaign::JoinedCampaign patient{"ef", {}, ""};
+  patient.spec.stall_timeout_s = 3;
+  ASSERT_TRUE(hasty.Begin(patient));
+  const Stopwatch watch;
+  const auto lost = hasty.Do({.index = 2, .attempt = 0, .weights = {}, .progress = {}}, {});
+  ASSERT_TRUE(lost) << lost.error().message;
+  EXPECT_GE(watch.Seconds(), 3);
+  EXPECT_THAT(lost->details_json, HasSubstr("SIGKILL after 3 s"));
+}
 
 TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame", false); }
 
