@@ -37,6 +37,7 @@ struct ResultsArguments {
 
 using Words = std::vector<std::string>;
 constexpr const char* kWhole = "whole";  // in a run's folder: it has come to its end
+constexpr const char* kMade = "made";    // in an evaluation's folder: when and where it was made
 
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {
@@ -50,7 +51,7 @@ class Maker {
   Result<ResultReport> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_ASSIGN_OR_RETURN(OrderedJson report, MakeReport(row, seed));
     if (!row.compare.empty()) report["comparison"] = ComparisonOf(row, seed);
-    ResultReport made{.seed = seed, .made = MadeHere(), .report = BriefReport(report)};
+    ResultReport made{.seed = seed, .made = MadeOf(row, seed), .report = BriefReport(report)};
     if (!row.train.runs_of.empty()) return made;
     made.training_s = TrainingSeconds(RunOf(row.name, seed)).value_or(0);
     if (const auto count = CountDemonstrations(DataOf(row))) {
@@ -122,6 +123,12 @@ class Maker {
     return wanted && IsWholeReport(json, *wanted) ? std::optional(std::move(json)) : std::nullopt;
   }
 
+  // Of an evaluation that an earlier version made nothing is known but that it is there.
+  std::string MadeOf(const ResultRow& row, std::uint64_t seed) const {
+    const auto text = ReadTextFile(ReportOf(row, seed) / kMade);
+    return text && !text->empty() ? text->substr(0, text->find('\n')) : MadeHere();
+  }
+
   Status Run(const std::string& what, Words words) {
     Words argv{(campaign::ProgramFolder() / "etude").string()};
     argv.insert(argv.end(), words.begin(), words.end());
@@ -177,7 +184,7 @@ class Maker {
   // was stopped, the latest checkpoint is not what the row's training makes
   Result<Path> InitOf(const ResultRow& row, std::uint64_t seed) const {
     const ResultRow& init = *std::ranges::find(config_.rows, row.train.init, &ResultRow::name);
-    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, init));
+    ETUDE_RETURN_IF_ERROR(CheckRuns(out_, init));
     const auto& seeds = init.train.seeds;
     const bool has_seed = std::ranges::find(seeds, seed) != seeds.end();
     const std::vector<std::uint64_t> candidates = has_seed ? std::vector{seed} : seeds;
@@ -238,6 +245,7 @@ class Maker {
 
   Result<OrderedJson> EvaluateRunOf(const ResultRow& row, std::uint64_t seed) {
     const std::string& trained = row.train.runs_of;
+    ETUDE_RETURN_IF_ERROR(CheckRuns(out_, *std::ranges::find(config_.rows, trained, &ResultRow::name)));
     const Path run = RunOf(trained, seed);
     if (!IsWholeRun(run))
       return Fail(
@@ -277,6 +285,7 @@ class Maker {
     if (!report)
       return Fail(Code::kInternal, fmt::format("eval-{}-{} left no whole report: see {}/rollouts/attempts.jsonl",
                                                row.name, seed, ReportOf(row, seed).string()));
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(ReportOf(row, seed) / kMade, std::string_view(MadeHere() + "\n")));
     return std::move(*report);
   }
 
@@ -325,10 +334,13 @@ Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config)
       return Fail(Code::kInvalidArgument, fmt::format("--row '{}': no such row in {}", name, arguments.file));
   for (const auto seed : arguments.seeds)
     if (std::ranges::none_of(config.rows, [&](const ResultRow& row) {
-          return std::ranges::find(row.train.seeds, seed) != row.train.seeds.end();
+          return Wanted(arguments.only, row.name) && std::ranges::find(row.train.seeds, seed) != row.train.seeds.end();
         }))
-      return Fail(Code::kInvalidArgument,
-                  fmt::format("--seeds {}: no row of {} is trained with it", seed, arguments.file));
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("--seeds {}: {} is trained with it", seed,
+                      arguments.only.empty() ? "no row of " + arguments.file
+                                             : fmt::format("none of --row {}", fmt::join(arguments.only, ", "))));
   // all of them before hours of work on the first
   for (const auto& row : config.rows) {
     if (!Wanted(arguments.only, row.name)) continue;

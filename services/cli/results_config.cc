@@ -82,6 +82,16 @@ Status ResultsConfig::Validate() const {
     for (const auto seed : row.train.seeds)
       if (other != rows.end() && std::ranges::find(other->train.seeds, seed) == other->train.seeds.end())
         errors.push_back(fmt::format("{}: compare: '{}' has no seed {}", row.name, row.compare, seed));
+    const bool begins = !row.train.init.empty();
+    const std::string& first_row = begins ? row.train.init : row.train.runs_of;
+    const auto trained = std::ranges::find(rows, first_row, &ResultRow::name);
+    if (trained != rows.end() && !trained->train.runs_of.empty())
+      errors.push_back(
+          fmt::format("{}: train.{}: '{}' has no runs of its own", row.name, begins ? "init" : "runs_of", first_row));
+    for (const auto seed : row.train.seeds)
+      if (!begins && trained != rows.end() &&
+          std::ranges::find(trained->train.seeds, seed) == trained->train.seeds.end())
+        errors.push_back(fmt::format("{}: train.runs_of: '{}' has no seed {}", row.name, first_row, seed));
     if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
   }
   if (errors.empty()) return {};

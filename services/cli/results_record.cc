@@ -66,6 +66,21 @@ std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultR
   return made;
 }
 
+// What OUT says that it holds of the row is `same` as the row now, or it says nothing.
+Status CheckWritten(const Path& out, const ResultRow& row,
+                    bool (*same)(const OrderedJson& before, const OrderedJson& now)) {
+  const Path file = DefinitionFile(out, row);
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(file));
+  const auto before = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (same(before, DefinitionOf(row))) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("row '{}' is not what '{}' holds of it, made as {} says: to make it "
+                          "again, remove there {}; or give another --out",
+                          row.name, out.string(), file.string(), fmt::join(MadeOfAnother(before, row), ", ")));
+}
+
 // Rollouts that are the same: what they are compared with may have come later.
 bool AreOneMeasurement(OrderedJson first, OrderedJson second) {
   for (auto* report : {&first, &second})
@@ -156,18 +171,9 @@ OrderedJson DefinitionOf(const ResultRow& row) {
 
 bool IsDefinition(const OrderedJson& before, const OrderedJson& now) { return Normalised(before) == Normalised(now); }
 
-Status CheckDefinition(const Path& out, const ResultRow& row) {
-  const Path file = DefinitionFile(out, row);
-  std::error_code ignored;
-  if (!std::filesystem::exists(file, ignored)) return {};
-  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(file));
-  const auto before = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (IsDefinition(before, DefinitionOf(row))) return {};
-  return Fail(Code::kInvalidArgument,
-              fmt::format("row '{}' is not what '{}' holds of it, made as {} says: to make it "
-                          "again, remove there {}; or give another --out",
-                          row.name, out.string(), file.string(), fmt::join(MadeOfAnother(before, row), ", ")));
-}
+Status CheckDefinition(const Path& out, const ResultRow& row) { return CheckWritten(out, row, IsDefinition); }
+
+Status CheckRuns(const Path& out, const ResultRow& row) { return CheckWritten(out, row, AreOneTraining); }
 
 Status KeepDefinition(const Path& out, const ResultRow& row) {
   ETUDE_RETURN_IF_ERROR(CheckDefinition(out, row));

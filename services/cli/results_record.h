@@ -72,6 +72,8 @@ bool IsDefinition(const OrderedJson& before, const OrderedJson& now);
 /// name. Nothing is wrong where there is no such file. @param out  the folder of data/, runs/ and eval/
 /// @error kInvalidArgument: it is another definition than the row has now; says what to remove to make the row again.
 Status CheckDefinition(const Path& out, const ResultRow& row);
+/// The same of what the row's runs were made of: in which scenes they are rolled out is no matter of theirs.
+Status CheckRuns(const Path& out, const ResultRow& row);
 /// CheckDefinition, and writes the file where there is none.
 Status KeepDefinition(const Path& out, const ResultRow& row);
 

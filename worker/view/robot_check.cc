@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "services/core/stop.h"
 #include "services/spec/robot_names.h"
 #include "services/spec/task_name.h"
 #include "worker/collide/checker.h"
@@ -248,6 +249,7 @@ Status CheckTask(const std::string& robot, const sim::ArmInfo& arm, const TaskNa
   int succeeded = 0;
   std::string trouble;
   for (int index = 0; index < kDemonstrations; ++index) {
+    if (StopRequested()) return Fail(Code::kExhausted, fmt::format("robot check: stopped in {}", task.base));
     task::AttemptTrace trace;
     ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner.Demonstrate(static_cast<std::uint64_t>(index), 0, {}, &trace));
     effort.Add(trace.effort);

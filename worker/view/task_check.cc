@@ -9,6 +9,7 @@
 #include <set>
 
 #include "services/core/config.h"
+#include "services/core/stop.h"
 #include "services/language/grammar.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
@@ -181,6 +182,9 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
   int succeeded = 0;
   std::map<std::string, int> reasons;
   for (int index = 0; index < trials.attempts; ++index) {
+    if (StopRequested())
+      return Fail(Code::kExhausted, fmt::format("task check: stopped after {} of {} demonstrations with {}", index,
+                                                trials.attempts, robot));
     ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner.Demonstrate(static_cast<std::uint64_t>(index), 0));
     if (attempt.outcome == task::AttemptOutcome::kSuccess)
       ++succeeded;

@@ -288,6 +288,13 @@ test('commands name the absolute folder, quoted where it has to be', async () =>
   assert.equal(folderIn({ path: "/a b/it's" }, 'RUN'), String.raw`'/a b/it'\''s'`);
 });
 
+// before, it named no scenes: those of the three tasks on a UR5, whatever had been evaluated
+test('the command for a second evaluation names the scenes of the first', async () => {
+  const { evaluateInScenesOf } = await load('commands.ts');
+  assert.equal(evaluateInScenesOf({ path: '/a b/eval', dataset: 'd1', episodes: 40 }), "etude eval --checkpoint OTHER.safetensors --scenes '/a b/eval'/rollouts --episodes 40 --seed SEED --out eval-b");
+  assert.equal(evaluateInScenesOf({ path: '/a/eval', dataset: null, episodes: 40 }), 'etude eval --checkpoint OTHER.safetensors --episodes 40 --seed SEED --out eval-b');
+});
+
 test('lines of a log find what the documentation says of them', async () => {
   const { adviceFor, readAdvice } = await load('advice.ts');
   const all = readAdvice(['# Troubleshooting', 'By text.', '## Starting', '### `start \'...\': not found beside this program in`', 'Build `etude`', 'first.', '', '<!-- docs: quick -->', '```bash', 'etude doctor', '```', '', '## Next', 'Not of it.', '### `large blobs`', '(also `bursts are lost ... again`)', 'Do this.', '### `short`', 'No.', ''].join('\n'));

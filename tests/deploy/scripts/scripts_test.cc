@@ -112,9 +112,9 @@ class SlurmScript : public Scripts {
     ASSERT_THAT(WriteFileAtomically(folder_ / "spec.yaml", std::string_view("name: \"mine\"  # ours\nepisodes: 3\n")),
                 IsOk());
   }
-  auto Submit(const std::string& more, const std::string& by = "") {
-    return Run("cd '" + folder_.path().string() +
-               "' && ETUDE_BIN= SLURM_JOB_ID=7 SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=3 " + by + " bash " +
+  auto Submit(const std::string& more, const std::string& by = "", const std::string& id = "7") {
+    return Run("cd '" + folder_.path().string() + "' && ETUDE_BIN= SLURM_JOB_ID=" + id +
+               " SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=3 " + by + " bash " +
                std::filesystem::absolute("deploy/slurm/etude.sbatch").string() + " " + more);
   }
 };
@@ -148,8 +148,14 @@ TEST_F(SlurmScript, TheCollectorsErrorIsTheJobs) {
 
 // workers waited for a campaign that nobody has
 TEST_F(SlurmScript, WorkersJoinTheCampaignAsItIsCalled) {
-  EXPECT_THAT(Submit("spec.yaml data").text, HasSubstr("--campaign mine --domain 7"));
-  EXPECT_THAT(Submit("spec.yaml data --set name=other").text, HasSubstr("--campaign other --domain 7"));
+  EXPECT_THAT(Submit("spec.yaml data").text, HasSubstr("--campaign mine --domain 8"));
+  EXPECT_THAT(Submit("spec.yaml data --set name=other").text, HasSubstr("--campaign other --domain 8"));
+}
+
+// domains from 102 on have ports that the system gives away itself, and 0 is everybody's
+TEST_F(SlurmScript, AJobHasADomainOfItsOwn) {
+  EXPECT_THAT(Submit("spec.yaml data", "", "199").text, HasSubstr("--domain 100 "));
+  EXPECT_THAT(Submit("spec.yaml data", "", "200").text, HasSubstr("--domain 1 "));
 }
 
 // the collector alone was secured, and workers in clear waited for it to the end of the job's time

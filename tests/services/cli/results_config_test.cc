@@ -108,6 +108,24 @@ TEST(ResultsConfig, ARowMayBeginWithOneThatCameBefore) {
   EXPECT_THAT(config.Validate().error().message, HasSubstr("a: train.init: 'a' is no row before it")) << "nor itself";
 }
 
+// before, hours of other rows passed until it was said of runs that there never are that they had not come to their end
+TEST(ResultsConfig, NoRowNeedsRunsThatThereNeverAre) {
+  const auto problem = [](ResultTraining train) {
+    ResultsConfig config = RunsAndTheirEvaluation();
+    config.rows.push_back(config.rows[train.runs_of.empty() ? 0 : 1]);
+    config.rows[2].name = "c";
+    config.rows[2].compare.clear();
+    config.rows[2].train = std::move(train);
+    const Status valid = config.Validate();
+    return valid ? "" : valid.error().message;
+  };
+  EXPECT_EQ(problem({.runs_of = "a"}), "");
+  EXPECT_THAT(problem({.runs_of = "b"}), HasSubstr("c: train.runs_of: 'b' has no runs of its own"));
+  EXPECT_THAT(problem({.minutes = 5, .init = "b"}), HasSubstr("c: train.init: 'b' has no runs of its own"));
+  EXPECT_THAT(problem({.seeds = {1, 9}, .runs_of = "a"}), HasSubstr("c: train.runs_of: 'a' has no seed 9"));
+  EXPECT_EQ(problem({.minutes = 5, .seeds = {9}, .init = "a"}), "") << "it begins with the first that is there";
+}
+
 // the graph is the checkpoint's: another one would be left out without a word
 TEST(ResultsConfig, ARowThatBeginsWithAnotherHasNoExperimentOfItsOwn) {
   ResultsConfig config = Rows(2);

@@ -74,6 +74,36 @@ TEST_F(Results, ARowThatIsDefinedAnewIsNotTakenFromItsOldFolder) {
   EXPECT_EQ(Make("10", {"--row", "a"}).exit_code, kExitOk) << "as it was, it is still the same row";
 }
 
+// before, such a row was measured of the earlier training and recorded as of the new one
+TEST_F(Results, RunsOfARowThatIsDefinedAnewAreNotEvaluated) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0);
+  WriteReport(10, 0, "d");
+  ASSERT_EQ(Make("10", {"--row", "a"}).exit_code, kExitOk);
+
+  const CommandOutcome anew = Make("20", {"--row", "d"});
+  EXPECT_EQ(anew.exit_code, kExitUsage) << anew.text;
+  EXPECT_THAT(anew.text, HasSubstr("row 'a' is not what"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/rows/d.json"));
+
+  const CommandOutcome same = Make("10", {"--row", "d"});
+  EXPECT_THAT(same.text, HasSubstr("| fourth `d` |"));
+}
+
+TEST_F(Results, ASeedThatNoWantedRowHasIsRefused) {
+  const CommandOutcome made = Make("10", {"--row", "b", "--seeds", "7"});
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("--seeds 7: none of --row b is trained with it"));
+}
+
+// before, a table that was written elsewhere or later had that day and machine
+TEST_F(Results, SaysWhenAndWhereARowWasMeasured) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0);
+  Write("out/eval/a-7/made", "2026-01-02, some machine, 4 CPUs\n");
+  EXPECT_THAT(Make("10", {"--row", "a"}).text, HasSubstr("| 2026-01-02, some machine, 4 CPUs |"));
+}
+
 // before, a row whose options were refused had to be taken away by hand before it could be put right
 TEST_F(Results, ARowOfWhichNothingWasMadeMayBePutRight) {
   EXPECT_EQ(Make("10", {"--row", "c"}).exit_code, kExitFailure) << "there is no run of 'a'";

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "services/core/statistics.h"
+#include "services/core/stop.h"
 #include "worker/plan/bench/plain_rrt.h"
 
 namespace etude::plan {
@@ -171,6 +172,8 @@ Result<std::vector<BenchRow>> RunBench(const BenchOptions& options,
       ETUDE_ASSIGN_OR_RETURN(const Difficulty difficulty, ParseDifficulty(name));
       std::map<std::string, std::vector<Sample>> samples;
       for (int index = 0; index < options.scenes; ++index) {
+        if (StopRequested())
+          return Fail(Code::kExhausted, fmt::format("plan bench: stopped after {} of {} scenes", done, all));
         if (const auto planning = contestants.Draw(difficulty, index))
           for (const std::string& planner : options.planners)
             samples[planner].push_back(contestants.Measure(planner, *planning, index));

@@ -10,3 +10,9 @@ export function folderIn(of: Placed | null | undefined, fallback: string): strin
   if (!text) return fallback;
   return /^[\w@%+=:,./~-]+$/.test(text) ? text : `'${text.replaceAll("'", String.raw`'\''`)}'`;
 }
+
+/** Another checkpoint in the scenes of an evaluation, whose rollouts are a dataset that says robots, tasks, objects and camera. */
+export function evaluateInScenesOf(of: Placed & { dataset: string | null; episodes: number }): string {
+  const scenes = of.dataset ? ` --scenes ${folderIn(of, 'EVAL')}/rollouts` : '';
+  return `etude eval --checkpoint OTHER.safetensors${scenes} --episodes ${of.episodes} --seed SEED --out eval-b`;
+}

@@ -3,6 +3,7 @@
 import type { ComponentChildren } from 'preact';
 import { useRef } from 'preact/hooks';
 import { getJson, query, useResource, type Resource } from '../core/api';
+import { evaluateInScenesOf } from '../core/commands';
 import { useLive } from '../core/connection';
 import { count, fixed, none, number, percent, probability, short } from '../core/format';
 import { useKeys } from '../core/keys';
@@ -86,7 +87,7 @@ function ByCheckpoint(props: { of: Eval }) {
   return (
     <Panel title={`Success by checkpoint${task ? `, ${task}` : ''}`} aside={<span class="small muted">evaluations of run {nameOf(of.run_id)}; this one in colour{all.some((one) => one.seed !== of.seed) && '; ≠: scenes of another seed'}</span>}>
       <div data-by-checkpoint><Dots label="Success by checkpoint" rows={rows} /></div>
-      {all.length < 2 && <><p class="secondary">Another checkpoint of this run, in the same scenes, given the --seed that this one was given:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></>}
+      {all.length < 2 && <><p class="secondary">Another checkpoint of this run, in the same scenes, given the --seed that this one was given:</p><Command text={evaluateInScenesOf(of)} /></>}
     </Panel>
   );
 }
@@ -211,7 +212,7 @@ function Compare(props: { of: Eval; versus: string }) {
   const other = useResource<Eval>(versus ? `/evals/${encodeURIComponent(versus)}` : null, { every: 10000 });
   const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null, { round: `${of.done} ${other.data?.done}` });
   const diff = useDiff(versus ? of.id : null, versus);
-  if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></Panel>;
+  if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={evaluateInScenesOf(of)} /></Panel>;
   return (
     <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => setParameters({ vs: id })} />}>
       {!versus && <p class="secondary">A is {of.name}. Choose B: scenes that both rolled out are compared one by one.</p>}

@@ -4,6 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <cstdlib>
+
+#include "services/core/stop.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/plan/bench/plain_rrt.h"
 
@@ -34,6 +38,20 @@ TEST(PlanningScene, IsAFunctionOfSeedAndIndexAndFreeAtBothEnds) {
       EXPECT_EQ(planning->objects.size() > 2, difficulty != Difficulty::kOpen);
     }
   }
+}
+
+// before, only a second Ctrl-C ended it
+TEST(RunBench, EndsWhenItIsAskedTo) {
+  const auto stopped = [] {  // in a process of its own: a request stays
+    BenchOptions options;
+    options.scenes = 3;
+    options.difficulties = {"open"};
+    options.planners = {options.planners.front()};
+    const auto rows = RunBench(options, [](int, int) { RequestStop(); });
+    std::fputs(rows ? "went on" : rows.error().message.c_str(), stderr);
+    std::_Exit(7);
+  };
+  EXPECT_EXIT(stopped(), testing::ExitedWithCode(7), "stopped after 1 of 3 scenes");
 }
 
 TEST(RunBench, SolvesEasyScenesWithEveryPlannerAndSaysWhatTheyTook) {
