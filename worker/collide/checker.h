@@ -93,4 +93,19 @@ class Checker {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Another opening of the gripper for as long as this lives: others ask the checker, too.
+class WithGripper {
+ public:
+  WithGripper(Checker& checker, double gripper) : checker_(checker), before_(checker.gripper()) {
+    checker_.SetGripper(gripper);
+  }
+  ~WithGripper() { checker_.SetGripper(before_); }
+  WithGripper(const WithGripper&) = delete;
+  WithGripper& operator=(const WithGripper&) = delete;
+
+ private:
+  Checker& checker_;
+  const double before_;
+};
+
 }  // namespace etude::collide

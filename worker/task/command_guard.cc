@@ -30,6 +30,16 @@ bool Inside(const Eigen::VectorXd& v, const JointBox& box) {
   return (v.array() >= box.low.array()).all() && (v.array() <= box.high.array()).all();
 }
 
+// `v` along its direction, as fast as the box allows.
+Eigen::VectorXd Slowed(const Eigen::VectorXd& v, const JointBox& box) {
+  double share = 1;
+  for (Eigen::Index i = 0; i < v.size(); ++i) {
+    const double room = v[i] > 0 ? box.high[i] : -box.low[i];
+    if (std::abs(v[i]) > room) share = std::min(share, std::max(0.0, room) / std::abs(v[i]));
+  }
+  return (share * v).cwiseMax(box.low).cwiseMin(box.high);  // a joint that has to be braked is
+}
+
 // `target` or what of the way there is within the lead.
 Pose WithinLead(const Pose& X_WE, const Pose& target) {
   const Eigen::Vector3d turned = sim::RotationVector(X_WE.q, target.q);
@@ -61,28 +71,21 @@ Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Vector6& V_W
     }
     return v;
   }
-  double share = 1;
-  for (Eigen::Index i = 0; i < v.size(); ++i) {
-    const double room = v[i] > 0 ? box.high[i] : -box.low[i];
-    if (std::abs(v[i]) > room) share = std::min(share, std::max(0.0, room) / std::abs(v[i]));
-  }
-  return (share * v).cwiseMax(box.low).cwiseMin(box.high);  // a joint that has to be braked is
+  return Slowed(v, box);
 }
 
 Command CommandGuard::Guarded(const Command& command, const sim::World& world) {
   sim::ControlState state;
-  state.X_WE = world.X_WE();
   state.v = world.v();
   const Eigen::VectorXd q = world.q();
   state.J = kinematics_.Jacobian(q);
   const Vector6 V_WE = state.J * state.v;
-  // where the hand will be when this command is obeyed
   const double delay = world.scene().control_delay() * kStep;
-  const Pose then = sim::Advanced(state.X_WE, V_WE, delay);
+  state.X_WE = sim::Advanced(world.X_WE(), V_WE, delay);  // where the hand will be when this command is obeyed
   Command guarded = command;
-  guarded.target.X_WE = WithinLead(then, command.target.X_WE);
+  guarded.target.X_WE = WithinLead(state.X_WE, command.target.X_WE);
   if ((state.v.cwiseAbs().array() > kStopShare * world.scene().arm().joint_speed.array()).any()) {
-    guarded.target.X_WE = then;
+    guarded.target.X_WE = state.X_WE;
     guarded.V_WE.setZero();
     return guarded;
   }
@@ -96,11 +99,17 @@ Command CommandGuard::Guarded(const Command& command, const sim::World& world) {
   const Eigen::VectorXd limit = kGuardShare * world.scene().arm().joint_speed;
   const JointBox box{state.v + (-limit - state.v) / gain, state.v + (limit - state.v) / gain};
   const Eigen::VectorXd asked = sim::JointMotion(state.J, wanted - bend, kLeastDamping);
-  const VelocityDampers dampers = SelfDampers(*checker_, kinematics_, q + delay * state.v, world.gripper());
-  const bool apart = dampers.Allow(asked);
-  if (apart && Inside(asked, box)) return guarded;
-  const Vector6 allowed = apart ? Vector6(wanted - bend) : Vector6(state.J * Damped(asked, dampers));
-  guarded.V_WE = state.J * JointVelocityWithin(state.J, allowed, box) + bend;
+  VelocityDampers dampers = SelfDampers(*checker_, kinematics_, q + delay * state.v, world.gripper());
+  // only the hand is commanded: what the joints of a redundant arm might do besides keeps nothing apart
+  for (Eigen::Index i = 0; i < dampers.slopes.rows() && q.size() > 6; ++i) {
+    const Vector6 of_hand = state.J * dampers.slopes.row(i).transpose();
+    dampers.slopes.row(i) = sim::JointMotion(state.J, of_hand, kLeastDamping).transpose();
+  }
+  if (Inside(asked, box) && dampers.Allow(asked)) return guarded;
+  const Vector6 allowed = dampers.Allow(asked) ? Vector6(wanted - bend) : Vector6(state.J * Damped(asked, dampers));
+  // the box may have turned it, and what is slowed comes no nearer than what is not
+  const Eigen::VectorXd v = Slowed(Damped(JointVelocityWithin(state.J, allowed, box), dampers), box);
+  guarded.V_WE = state.J * v + bend;
   guarded.target.X_WE = sim::Advanced(state.X_WE, guarded.V_WE, kStep);
   return guarded;
 }

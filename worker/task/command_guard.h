@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The last thing before a command of a rollout: no joint is driven faster than it may turn, and no part of the arm into
-// another.
+// The last thing before a command of a rollout: no joint is driven faster than it may turn, and no two bodies of the
+// arm that are apart at home into each other.
 #pragma once
 
 #include <memory>
@@ -27,7 +27,8 @@ Eigen::VectorXd JointVelocityWithin(const Eigen::MatrixXd& J, const Eigen::Matri
 
 /// Changes a command whose spring and path would soon have a joint turn faster than its limit: a hand that lags (it
 /// hung on something, what it pushed gave way), a reference that turns at a new answer, a wrist that has to turn over;
-/// and one that would fold the arm into itself (self_damping.h), on a way that was demonstrated from elsewhere.
+/// and one that would fold the arm into itself (self_damping.h), on a way that was demonstrated from elsewhere. What
+/// the controller of a redundant arm does besides for its posture is not foreseen.
 /// Besides, a target leads the hand by 15 mm and 0.15 rad at most: more would only press on what is in the way. All
 /// other commands pass as they are. A hand whose joints turn too fast all the same (it slips off what it leans on) is
 /// stopped. The Tracker bounds what the path asks of the joints; this, what the controller does.

@@ -233,13 +233,11 @@ Status PlaySession::Place(const std::vector<ObjectPlace>& places) {
 // Also while a policy drives: who asks the checker then says where the objects are and what may touch first.
 Status PlaySession::CheckArm(const std::string& name, const Pose& X_WO) const {
   EpisodeEnvironment& in = *environment_;
-  const double gripper = in.checker.gripper();
+  const collide::WithGripper measured(in.checker, in.world.gripper());
   in.checker.ClearObjects();
   in.checker.Allow({});
-  in.checker.SetGripper(in.world.gripper());
   in.checker.SetObject(name, X_WO);
   const auto near = in.checker.Distances(in.world.q(), kStartMargin);
-  in.checker.SetGripper(gripper);
   const auto touched = std::ranges::find(near, name, &collide::Proximity::body_b);
   return touched == near.end() ? Status() : Fail(InTheArm(name, touched->body_a));
 }

@@ -149,7 +149,7 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!runner_->Step(guard_.Guarded(tracker.Next(runner_->world().gripper()), runner_->world()))) return Failed();
+    if (!runner_->Step(Guarded(tracker.Next(runner_->world().gripper())))) return Failed();
   }
   return VerdictOnViolations(runner_->judge());
 }
@@ -174,6 +174,11 @@ Result<Verdict> Rollout::RunAsAuthors(const policy::AskFunction& ask, bool close
     if (!runner_->Step(held)) return Failed();
   }
   return VerdictOnViolations(runner_->judge());
+}
+
+Command Rollout::Guarded(const Command& command) {
+  const plan::Timer watch(runner_->times().plan);
+  return guard_.Guarded(command, runner_->world());
 }
 
 Verdict Rollout::Failed() const {
@@ -248,10 +253,8 @@ void Rollout::ObserveDistance() {
   const plan::Timer watch(runner_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
-  const double gripper = checker_->gripper();
-  checker_->SetGripper(world.gripper());
+  const collide::WithGripper measured(*checker_, world.gripper());
   const collide::Collision nearest = checker_->Nearest(world.q());
-  checker_->SetGripper(gripper);  // others ask it, too
   if (nearest.distance >= nearest_) return;
   nearest_ = nearest.distance;
   nearest_pair_ = nearest.body_a + "-" + nearest.body_b;

@@ -44,6 +44,8 @@ class Rollout {
   Result<tl::expected<policy::Answer, Verdict>> Decide(const policy::AskFunction& ask);
   Result<policy::Answer> Ask(const policy::AskFunction& ask);
   void RecordDecision(const policy::Answer& answer);
+  /// By the guard; its distance queries count as planning.
+  Command Guarded(const Command& command);
   Verdict Failed() const;
   void ObserveDistance();
   /// How many control steps pass before an answer takes effect; settled by the first answer of a server that knows its

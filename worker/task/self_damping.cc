@@ -17,10 +17,8 @@ constexpr double kSmallChange = 1e-4;  // m/s
 
 VelocityDampers SelfDampers(collide::Checker& checker, sim::Kinematics& kinematics, const Eigen::VectorXd& q,
                             double gripper) {
-  const double before = checker.gripper();
-  checker.SetGripper(gripper);
+  const collide::WithGripper measured(checker, gripper);
   const auto near = checker.Distances(q, kInfluence, collide::PairSet::kSelfApart);
-  checker.SetGripper(before);  // others ask it, too
   std::vector<sim::Kinematics::BodyPoint> points;
   for (const collide::Proximity& pair : near) {
     points.push_back({pair.body_a, pair.p_WA});

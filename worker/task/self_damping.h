@@ -26,8 +26,9 @@ struct VelocityDampers {
 VelocityDampers SelfDampers(collide::Checker& checker, sim::Kinematics& kinematics, const Eigen::VectorXd& q,
                             double gripper);
 
-/// The joint velocity nearest to `v` (least squares) that `dampers` allow; exact where one of them is at its bound,
-/// within 1 % of what is missing where several are.
+/// The joint velocity nearest to `v` (least squares) that `dampers` allow: exact where one of them is at its bound;
+/// where several are, as near as 50 rounds come (two that all but oppose each other may be missed by more than a
+/// little).
 Eigen::VectorXd Damped(const Eigen::VectorXd& v, const VelocityDampers& dampers);
 
 }  // namespace etude::task

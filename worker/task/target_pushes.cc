@@ -88,8 +88,7 @@ bool TargetPushes::ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by) {
   const std::string& target = runner_->plan().target;
   const Eigen::VectorXd q = runner_->world().q();
   checker_->Allow({});
-  const double gripper = checker_->gripper();
-  checker_->SetGripper(runner_->world().gripper());
+  const collide::WithGripper measured(*checker_, runner_->world().gripper());
   bool clear = true;
   for (int place = 0; place < kPlacesOfWay && clear; ++place) {
     const double share = static_cast<double>(place) / (kPlacesOfWay - 1);
@@ -98,7 +97,6 @@ bool TargetPushes::ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by) {
     clear = std::ranges::none_of(near, [&](const collide::Proximity& pair) { return pair.body_b == target; });
   }
   checker_->SetObject(target, X_WO);
-  checker_->SetGripper(gripper);  // others ask it, too
   return clear;
 }
 
