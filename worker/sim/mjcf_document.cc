@@ -175,7 +175,18 @@ void MjcfDocument::JoinSections() {
     if (first == here) continue;
     for (const auto* attribute = here->FirstAttribute(); attribute; attribute = attribute->Next())
       first->SetAttribute(attribute->Name(), attribute->Value());
-    while (XMLElement* child = here->FirstChildElement()) first->InsertEndChild(child);
+    while (XMLElement* child = here->FirstChildElement()) {
+      // a class says of each kind once what it says; the later counts
+      const bool of_class = IsElement(*here, "default") && !IsElement(*child, "default");
+      XMLElement* const known = of_class ? first->FirstChildElement(child->Name()) : nullptr;
+      if (!known) {
+        first->InsertEndChild(child);
+        continue;
+      }
+      for (const auto* attribute = child->FirstAttribute(); attribute; attribute = attribute->Next())
+        known->SetAttribute(attribute->Name(), attribute->Value());
+      here->DeleteChild(child);
+    }
     root->DeleteChild(here);
   }
   if (XMLElement* defaults = Section("default"); defaults && !defaults->Attribute("class"))

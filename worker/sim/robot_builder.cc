@@ -42,10 +42,29 @@ std::vector<std::pair<XMLElement*, std::string>> TakeVisualMasses(RobotXml& xml,
   for (XMLElement* geom : xml.All("geom")) {
     const int id = mj_name2id(whole, mjOBJ_GEOM, geom->Attribute("name"));
     if (id < 0 || Collides(whole, id)) continue;  // what a <composite> makes geoms of is none itself
+    // MuJoCo looks at the faces of what weighs something, and at no others
+    if (const auto own = NumbersOf(xml.Resolved(*geom, "mass")); !own.empty() && own[0] == 0) continue;
     visuals.emplace_back(geom, Attribute(*geom, "mass"));
     geom->SetAttribute("mass", kNoMass);
   }
   return visuals;
+}
+
+/// Whether the equalities make `joint` go with `driven`, at once or by way of others.
+bool GoTogether(const std::string& equality, const std::string& joint, const std::string& driven) {
+  tinyxml2::XMLDocument document;
+  document.Parse(("<equality>" + equality + "</equality>").c_str());
+  const XMLElement* const root = document.RootElement();
+  std::set<std::string> known{driven};
+  for (std::size_t before = 0; root && before != known.size();) {
+    before = known.size();
+    for (const auto* item = root->FirstChildElement("joint"); item; item = item->NextSiblingElement("joint")) {
+      const std::string a = Attribute(*item, "joint1"), b = Attribute(*item, "joint2");
+      if (b.empty() || Attribute(*item, "active") == "false" || (!known.contains(a) && !known.contains(b))) continue;
+      known.insert({a, b});
+    }
+  }
+  return known.contains(joint);
 }
 
 /// Collects everything that is wrong.
@@ -216,7 +235,7 @@ class Builder {
     const double offset = Reference(Id(mjOBJ_JOINT, "joint", joint)) - factor * of_driven;
     const std::string name = JointName(joint);
     model_.coupled_joints.push_back({.joint = name, .factor = factor, .offset = offset});
-    if (xml_.Equality().find(fmt::format("\"{}\"", name)) != std::string::npos) return;
+    if (GoTogether(xml_.Equality() + model_.equality, name, driven)) return;
     model_.equality += fmt::format(
         "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 {} 0 0 0\" solref=\"0.004 1\" "
         "solimp=\"0.98 0.999 0.001\"/>\n",
@@ -306,12 +325,24 @@ class Builder {
     held_by_points_.emplace_back(geom.Attribute("name"));
   }
 
+  /// The root's turn in its own file.
+  Eigen::Quaterniond RootTurn() const {
+    const mjtNum* q = mj_->body_quat + 4 * mj_name2id(mj_, mjOBJ_BODY, xml_.root()->Attribute("name"));
+    return Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+  }
+
+  /// By `yaw` alone where it stands upright; a first link whose base was fused into the world keeps its own turn.
+  Eigen::Quaterniond BaseTurn() const {
+    constexpr double kUpright = 1 - 1e-6;  // cosine
+    const Eigen::Quaterniond yaw(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()));
+    return (RootTurn() * Vector3d::UnitZ()).z() > kUpright ? yaw : yaw * RootTurn();
+  }
+
   void PlaceBase() {
     if (file_.base.position.size() != 3) return Wrong("base.position: three numbers");
     if (!(std::abs(file_.base.yaw) <= kWholeTurn))
       Wrong("base.yaw: {}: rad, and more than a whole turn", file_.base.yaw);
-    SetPose(*xml_.root(), {Vector3d::Map(file_.base.position.data()),
-                           Eigen::Quaterniond(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()))});
+    SetPose(*xml_.root(), {Vector3d::Map(file_.base.position.data()), BaseTurn()});
   }
 
   /// E in the tool's body: x back along the hand, y along the opening.
@@ -417,9 +448,7 @@ class Builder {
       const mjtNum* q = data->xquat + 4 * of;
       return Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
     };
-    const int root = mj_name2id(mj_, mjOBJ_BODY, xml_.root()->Attribute("name"));
-    const Eigen::Quaterniond base(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()));
-    const Vector3d y_W = base * rotation(root).conjugate() * rotation(body) * X_BE.q * Vector3d::UnitY();
+    const Vector3d y_W = BaseTurn() * RootTurn().conjugate() * rotation(body) * X_BE.q * Vector3d::UnitY();
     return y_W.x() > 0;
   }
 

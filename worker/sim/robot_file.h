@@ -39,7 +39,8 @@ struct RobotFile {
     double yaw = 0;                            ///< rad
     void Visit(auto& v) {
       v("position", position, "m", "of the robot's root body, world");
-      v("yaw", yaw, "rad", "of the robot's root body");
+      v("yaw", yaw, "rad",
+        "of the robot's root body, besides the turn that it has in its file where it is not upright");
     }
   } base;
 

@@ -38,6 +38,10 @@ class RobotXml {
   tinyxml2::XMLElement* root() const { return root_; }  ///< <body>, the robot's base
   /// <body>, <geom>, <joint> or <site> of that name in the robot, or null.
   tinyxml2::XMLElement* Find(const char* element, const std::string& name) const;
+  /// See MjcfDocument; of the robot's own file, before a gripper is attached.
+  std::string Resolved(const tinyxml2::XMLElement& element, const char* attribute) const {
+    return document_.Resolved(element, attribute);
+  }
   std::vector<tinyxml2::XMLElement*> All(const char* element) const;  ///< of the robot, in the order of the text
   std::set<std::string> Names() const;                                ///< of bodies, joints, geoms and sites
   /// See MjcfDocument; of the attached gripper, too. `joint` as it is now.

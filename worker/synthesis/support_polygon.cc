@@ -18,6 +18,7 @@ using Eigen::Vector3d;
 constexpr int kPlanes = 24;            // heights tried
 constexpr double kAlreadyFlat = 1e-3;  // of the height
 constexpr double kFlatness = 0.01;     // what is left of heights below the plane: faces keep some area
+constexpr double kAsLarge = 0.9;       // of the foot that pressing makes
 
 /// Where the surface crosses the plane.
 std::vector<Vector2d> Outline(const assets::Mesh& mesh, double plane) {
@@ -98,13 +99,16 @@ SupportPolygon FlattenSupport(assets::Mesh& mesh, const SupportOptions& options)
   const auto is_enough = [&](const SupportPolygon& foot) {
     return foot.half.y() >= options.least_half && foot.half.x() >= options.least_half / 2;
   };
-  SupportPolygon foot = FootWithin(Outline(mesh, low + kAlreadyFlat * (high - low)));
-  if (is_enough(foot)) return foot;
+  const SupportPolygon flat = FootWithin(Outline(mesh, low + kAlreadyFlat * (high - low)));
+  if (is_enough(flat)) return flat;
+  SupportPolygon foot = flat;
   double plane = low;
   for (int i = 1; i <= kPlanes && !is_enough(foot); ++i) {
     plane = low + options.deepest * (high - low) * i / kPlanes;
     foot = FootWithin(Outline(mesh, plane));
   }
+  // a narrow body that stands flat has no larger foot further up
+  if (const double area = flat.half.prod(); area > 0 && area >= kAsLarge * foot.half.prod()) return flat;
   for (Vector3d& p : mesh.positions)
     if (p.z() < plane) p.z() = plane - kFlatness * (plane - p.z());
   return foot;

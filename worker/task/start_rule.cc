@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "services/spec/object_names.h"
+#include "worker/task/predicates/kind.h"
 
 namespace etude::task {
 namespace {
@@ -14,10 +15,21 @@ namespace {
 constexpr const char* kTarget = "/target";
 constexpr const char* kReference = "/reference";
 
+/// Whether `word` is an object's own name there: not a word of the kind ("from: table"), nor a role.
+bool IsObject(const std::string& kind, const std::string& parameter, const std::string& word) {
+  const auto& kinds = PredicateKinds();
+  const auto known = std::ranges::find(kinds, kind, &PredicateKind::name);
+  if (known == kinds.end() || word == "target" || word == "reference" || word == "others") return false;
+  const auto found = std::ranges::find(known->parameters, parameter, &PredicateParameter::name);
+  return found != known->parameters.end() &&
+         (found->type == PredicateParameter::Type::kObject || found->type == PredicateParameter::Type::kObjects);
+}
+
 /// Adds the known objects, and those of `own`, that the tree speaks of by their own names.
 void AddNamed(const PredicateSpec& spec, const std::vector<std::string>& own, std::vector<std::string>& names) {
   for (const auto& [parameter, value] : spec.parameters)
-    if (value.is_word() && (CheckObjectName(value.word) || std::ranges::count(own, value.word) > 0))
+    if (value.is_word() && IsObject(spec.kind, parameter, value.word) &&
+        (CheckObjectName(value.word) || std::ranges::count(own, value.word) > 0))
       names.push_back(value.word);
   for (const PredicateSpec& child : spec.children) AddNamed(child, own, names);
 }

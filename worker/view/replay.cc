@@ -150,9 +150,9 @@ Status ReplayAttempt(const CampaignSpec& spec, const ReplayOptions& options, con
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
   // the dataset comes first: it takes an empty folder only
   if (steps > 0) ETUDE_RETURN_IF_ERROR(WriteEpisode(spec, result.episode, options));
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "plan.json", PlanJson(plan, result, trace).dump() + "\n"));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "plan.json", JsonText(PlanJson(plan, result, trace)) + "\n"));
   if (trace.scene)
-    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "geometry.json", GeometryJson(trace).dump() + "\n"));
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "geometry.json", JsonText(GeometryJson(trace)) + "\n"));
   if (steps > 0) ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "poses.f32", PoseBytes(trace)));
   fmt::print("episode {}, attempt {}: {} {}: {}{}, {}\n", plan.index, plan.attempt, plan.task.text(), plan.target,
              task::ToString(result.outcome), result.reason.empty() ? "" : " (" + result.reason + ")",

@@ -193,6 +193,50 @@ TEST_F(BrokenRobot, ACoupledFingerFollowsFromItsReference) {
   }
 }
 
+// A coupling within the finger is none with the other: before, the finger hung loose and every grasp failed.
+TEST_F(BrokenRobot, AFingerThatTheFileCouplesToItsOwnTipFollowsTheOther) {
+  Replace("sketch/sketch.xml", "<joint name=\"right_slide\" axis=\"-1 0 0\"/>",
+          "<joint name=\"right_slide\" axis=\"-1 0 0\"/><body name=\"right_tip\"><joint name=\"right_tip\" axis=\"-1 0 "
+          "0\"/>"
+          "<geom class=\"look\" type=\"sphere\" size=\"0.004\" mass=\"0.01\"/></body>");
+  Replace("sketch/sketch.xml", "joint1=\"right_slide\" joint2=\"left_slide\"",
+          "joint1=\"right_tip\" joint2=\"right_slide\"");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+  const auto& model = (*scene)->model();
+  ASSERT_EQ(model.coupled_q.size(), 1u);
+  World world(*scene);
+  const Pose home = world.X_WE();
+  for (int i = 0; i < 100; ++i) world.Step({home, 1}, Vector6d::Zero());
+  const mjtNum* q = world.state().mj->qpos;
+  const auto& [address, factor, offset] = model.coupled_q[0];
+  EXPECT_NEAR(q[address], offset + factor * q[model.gripper_q[0]], 2e-3);
+}
+
+// As of MJCF that was compiled from a URDF: the base is fused into the world, and the first link's frame is turned
+// over.
+TEST_F(BrokenRobot, ARootThatIsNotUprightKeepsItsTurn) {
+  Replace("sketch/sketch.xml", "<body name=\"foot\">", "<body name=\"foot\" quat=\"0 1 0 0\">");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+  Kinematics kinematics(*scene);
+  const Pose foot = kinematics.BodyPoses((*scene)->arm().q_home, 0, {"foot"}).front();
+  EXPECT_LT((foot.q * Eigen::Vector3d::UnitZ() + Eigen::Vector3d::UnitZ()).norm(), 1e-9);
+}
+
+// A file that includes another may say of a kind of element what that one says more of.
+TEST_F(BrokenRobot, SeveralSectionsOfDefaultsAreOne) {
+  Replace("sketch/sketch.xml", "<include file=\"assets.xml\"/>",
+          "<include file=\"assets.xml\"/><default><joint frictionloss=\"0.3\" armature=\"0.7\"/></default>");
+  const auto scene = Build();
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel* mj = (*scene)->model().mj.get();
+  const int lift = mj->jnt_dofadr[mj_name2id(mj, mjOBJ_JOINT, "lift")];
+  EXPECT_EQ(mj->dof_frictionloss[lift], 0.3);
+  EXPECT_EQ(mj->dof_armature[lift], 0.05) << "the later counts";
+  EXPECT_EQ(mj->dof_damping[lift], 1);
+}
+
 // A body called like an object, a geom called like the table, a joint called like an object's.
 TEST_F(BrokenRobot, NamesOfOursDoNotClash) {
   Replace("sketch/sketch.xml", "<body name=\"hand\"", "<body name=\"coke\"");
@@ -534,6 +578,23 @@ TEST_F(BrokenRobot, JointsOfAClosedChainAreFoundByClosingIt) {
   EXPECT_NEAR(found["rocker"].factor, -20, 0.5);
   EXPECT_NEAR(found["bar"].factor, 20, 0.5);
   EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("found by closing the gripper")));
+}
+
+// MuJoCo looks at the faces of a mesh that weighs something, and CAD's are often of two sides.
+TEST_F(BrokenRobot, MasslessLooksMayHaveFacesOfTwoSides) {
+  const Path mesh = folder_ / "sketch/meshes/looks.obj";
+  ASSERT_TRUE(WriteFileAtomically(
+      mesh, std::string_view(ReadTextFile(folder_ / "sketch/meshes/foot.obj").value() + "\nf 1 2 10 9\n")));
+  Replace("sketch/assets.xml", "<asset>", "<asset><mesh name=\"looks\" file=\"looks.obj\"/>");
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/>",
+          "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/><geom class=\"look\" type=\"mesh\" mesh=\"looks\"/>");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  const auto visuals = WeighVisuals(folder_ / "sketch.yaml");
+  EXPECT_TRUE(visuals) << visuals.error().message;
+  Replace("sketch.yaml", "name: sketch\n", "name: sketch\nmasses: collision\n");
+  const auto scene = Build();
+  EXPECT_TRUE(scene) << scene.error().message;
 }
 
 /// Its looks, which weigh nothing in the example, have MuJoCo's default density of 1000 kg/m^3.

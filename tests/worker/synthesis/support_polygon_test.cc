@@ -35,6 +35,15 @@ TEST(FlattenSupport, WhatStandsFlatIsLeftAsItIs) {
   EXPECT_LT((foot.half - Vector2d(0.55 * 0.04, 0.84 * 0.03)).norm(), 1e-9) << "long along y, within the underside";
 }
 
+// before, a die of 3 cm and a battery on its end lost a tenth of their height
+TEST(FlattenSupport, WhatIsNarrowAndStandsFlatIsLeftAsItIs) {
+  for (assets::Mesh body : {Box({0.01, 0.01, 0.03}, {0, 0, 0}), Box({0.015, 0.015, 0.015}, {0, 0, 0.1})}) {
+    const std::vector<Vector3d> before = body.positions;
+    EXPECT_GT(FlattenSupport(body).half.minCoeff(), 0);
+    EXPECT_EQ(body.positions, before);
+  }
+}
+
 TEST(FlattenSupport, ATipIsPressedFlatAsFarAsTheFootNeeds) {
   assets::Mesh cone = ConeOnItsTip(0.2);
   const SupportPolygon foot = FlattenSupport(cone, {.least_half = 0.007});

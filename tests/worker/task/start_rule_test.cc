@@ -52,6 +52,14 @@ TEST(CheckPredicates, AnObjectMayBeNamed) {
   EXPECT_THAT(CheckPredicates(own, {"cube", "duck"}), IsOk()) << "one of the campaign's own";
 }
 
+// before, a campaign with an object called table was refused for tasks that rise "from: table"
+TEST(NamedObjects, AWordOfThePredicateIsNoObject) {
+  const std::vector<std::string> objects{"cube", "table", "target"};
+  EXPECT_THAT(NamedObjects(TaskWith("{risen: {from: table}}"), objects), testing::IsEmpty());
+  EXPECT_THAT(NamedObjects(TaskWith("{risen: {object: target}}"), objects), testing::IsEmpty()) << "the role";
+  EXPECT_THAT(NamedObjects(TaskWith("{risen: {object: table}}"), objects), testing::ElementsAre("table"));
+}
+
 class AlreadySo : public testing::Test {
  protected:
   AlreadySo() {

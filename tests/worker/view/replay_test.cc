@@ -13,6 +13,7 @@
 #include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
+#include "tests/support/sketch_robot.h"
 #include "tests/support/temporary_folder.h"
 #include "worker/task/attempt.h"
 
@@ -143,6 +144,18 @@ TEST(ReplayAttempt, ShowsAFailureUpToItsEnd) {
     return;
   }
   FAIL() << "no attempt failed after it had moved";
+}
+
+// before, all was simulated and then nlohmann's exception ended it
+TEST(ReplayAttempt, NamesOfARobotMayBeOfAnyBytes) {
+  SketchRobot robot;
+  robot.InMjcf("<geom type=\"capsule\" size=\"0.034 0.03\"",
+               "<geom name=\"Gelenk_\xfc\" type=\"capsule\" size=\"0.034 0.03\"");
+  CampaignSpec spec = QuickSpec();
+  spec.robots = {robot.yaml()};
+  TemporaryFolder folder;
+  ASSERT_THAT(ReplayAttempt(spec, {.index = 0, .attempt = 0, .out = folder / "out"}, {}), IsOk());
+  EXPECT_TRUE(Json(folder / "out/geometry.json").is_object());
 }
 
 TEST(ReplayAttempt, SaysWhyNothingMoved) {

@@ -57,6 +57,20 @@ Eigen::Vector3d DirectionOf(Whereto to) {
   return Eigen::Vector3d::Zero();
 }
 
+namespace {
+
+// Where the first body stands that the first joint turns: the root may be a pedestal, or a torso.
+Eigen::Vector2d FirstAxis(const sim::ArmInfo& arm, sim::Kinematics& kinematics) {
+  Eigen::VectorXd turned = arm.q_home;
+  turned[0] += 0.1;
+  const auto home = kinematics.ArmPoses(arm.q_home, 0), after = kinematics.ArmPoses(turned, 0);
+  for (std::size_t i = 0; i < home.size(); ++i)
+    if (AngleBetween(home[i].q, after[i].q) > 0.05) return home[i].p.head<2>();
+  return home.front().p.head<2>();
+}
+
+}  // namespace
+
 SceneGeometry::SceneGeometry(const sim::Scene& scene, sim::Kinematics& kinematics)
     : objects_(scene.objects()),
       natural_pitch_(scene.arm().approach_pitch),
@@ -69,7 +83,7 @@ SceneGeometry::SceneGeometry(const sim::Scene& scene, sim::Kinematics& kinematic
   ahead_open_ = Reach(Part::kHand, false, LevelHand(), forward);
   ahead_closed_ = Reach(Part::kHand, true, LevelHand(), forward);
   palm_ahead_ = Reach(Part::kPalm, true, LevelHand(), forward);
-  base_ = kinematics.ArmPoses(scene.arm().q_home, 0).front().p.head<2>();
+  base_ = FirstAxis(scene.arm(), kinematics);
 }
 
 void SceneGeometry::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics) {

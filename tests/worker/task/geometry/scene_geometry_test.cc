@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "services/core/rng.h"
+#include "tests/support/sketch_robot.h"
 
 namespace etude::task {
 namespace scene_geometry_test {
@@ -81,6 +82,18 @@ TEST(DirectionOf, IsAsSeenInThePicture) {
   EXPECT_EQ(DirectionOf(Whereto::kRight), -Vector3d::UnitX());
   EXPECT_EQ(DirectionOf(Whereto::kFront), Vector3d::UnitY());
   EXPECT_EQ(DirectionOf(Whereto::kBehind), -Vector3d::UnitY());
+}
+
+// a pedestal's place is not the first joint's
+TEST(Base, IsWhereTheFirstJointTurns) {
+  SketchRobot robot;
+  robot.InMjcf("pos=\"0 0 0.10\">\n        <joint name=\"turn\"", "pos=\"0 0.2 0.10\">\n        <joint name=\"turn\"");
+  SceneSpec spec;
+  spec.robot = robot.yaml();
+  const auto scene = sim::Scene::Build(spec).value();
+  sim::Kinematics kinematics(scene);
+  const Eigen::Vector2d foot = kinematics.BodyPoses(scene->arm().q_home, 0, {"foot"}).front().p.head<2>();
+  EXPECT_LT((SceneGeometry(*scene, kinematics).base() - foot - Eigen::Vector2d(0, 0.2)).norm(), 1e-9);
 }
 
 class Measured : public testing::TestWithParam<const char*> {
