@@ -389,8 +389,8 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
                  "(default: one a core). 0: one at a time, in this process, as `etude collect` has its own supervision")
       ->check(CLI::Range(0, 1024));
   app.add_option("--stall-timeout", arguments.stall_s,
-                 "with --slots: seconds without a word of a child that works, after which it is replaced; at least the "
-                 "campaign's stall_timeout_s")
+                 "with --slots: seconds without a word of a child that works, after which it is replaced; at least "
+                 "nine tenths of the campaign's stall_timeout_s")
       ->check(CLI::Range(1.0, 86'400.0))
       ->capture_default_str();
   auto* fingerprint = app.add_flag("--fingerprint", arguments.fingerprint,

@@ -11,6 +11,7 @@
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
+#include "services/campaign/worker_client.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -130,7 +131,7 @@ LeaseTable MakeTable(const CampaignSpec& spec, const EpisodeSink& sink, const Hi
   LeaseTable table({.total = spec.episodes,
                     .shard = options.shard,
                     .max_attempts = static_cast<std::uint32_t>(spec.max_attempts),
-                    .one_attempt = spec.mode == "rollout",
+                    .one_attempt = RetryOf(spec, kKillsWorkers) == LeaseTable::Retry::kNever,
                     .max_in_flight = options.max_in_flight,
                     .duration = options.lease,
                     .epoch = epoch});

@@ -80,6 +80,7 @@ int Main(int argc, char** argv) {
       "Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 141 nobody reads the "
       "output any more, 1 else.");
   if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) return *ParseCommandLine(app, argc, argv);
+  TakeDecimals(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -16,6 +16,7 @@
 #include "services/cli/training_words.h"
 #include "services/core/command.h"
 #include "services/core/identity.h"
+#include "services/core/printable.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -47,7 +48,10 @@ struct PlayArguments {
   BusArguments bus;
 };
 
-OrderedJson Parsed(const std::string& text) { return ParseBoundedJson(text, 12).value_or(OrderedJson::object()); }
+OrderedJson Parsed(const std::string& text) {
+  auto json = ParseBoundedJson(text, 12);
+  return json && json->is_object() ? std::move(*json) : OrderedJson::object();
+}
 
 std::vector<std::string> TextsOf(const OrderedJson& json, const char* key) {
   std::vector<std::string> texts;
@@ -66,7 +70,8 @@ std::vector<std::string> OnTable(const OrderedJson& scene) {
   std::vector<std::string> names;
   if (!scene.is_object() || !scene.contains("objects") || !scene["objects"].is_array()) return names;
   for (const auto& object : scene["objects"])
-    if (object.is_object() && !object.value("hidden", false)) names.push_back(WordOfState(object, "name"));
+    if (object.is_object() && !(object.contains("hidden") && object["hidden"] == true))
+      names.push_back(WordOfState(object, "name"));
   return names;
 }
 
@@ -94,11 +99,14 @@ void PrintMeaning(const language::Meaning& meaning, const play::SayArguments& sa
     fmt::print("  means   {} {}{}\n", say.task, say.target, say.reference.empty() ? "" : ", " + say.reference);
 }
 
+// What others say on the bus moves no cursor.
+void Print(const std::string& line) { fmt::print("{}\n", Printable(line)); }
+
 void PrintLine(const bus::PlayState& state) {
   const OrderedJson judge = Parsed(state.judge_json);
-  fmt::print("  step {:4} of {}  {}  policy {:.0f} ms (checkpoint {})  {:.1f}x  {}\n", state.step, state.max_steps,
-             WordOfState(judge, "doing"), state.policy_ms, state.checkpoint_step, state.speed,
-             WordOfState(judge, "words"));
+  Print(fmt::format("  step {:4} of {}  {}  policy {:.0f} ms (checkpoint {})  {:.1f}x  {}", state.step, state.max_steps,
+                    WordOfState(judge, "doing"), state.policy_ms, state.checkpoint_step, state.speed,
+                    WordOfState(judge, "words")));
   std::fflush(stdout);
 }
 
@@ -163,7 +171,7 @@ Status SayIn(const bus::Participant& participant, play::Client& client, const Pl
   said["steps"] = ended.step;
   said["checkpoint_step"] = ended.checkpoint_step;
   if (!arguments.as_json)
-    fmt::print("  {} after {} steps{}{}\n", outcome, ended.step, ended.reason.empty() ? "" : ": ", ended.reason);
+    Print(fmt::format("  {} after {} steps{}{}", outcome, ended.step, ended.reason.empty() ? "" : ": ", ended.reason));
   std::fflush(stdout);
   if (outcome == "success" || outcome == "unjudged" || outcome == "stopped") return {};
   return Fail(Code::kInternal, fmt::format("\"{}\": {}", ended.sentence, outcome));
@@ -188,9 +196,10 @@ Status ListSessions(const PlayArguments& arguments) {
                    {"attempts", state.attempts},
                    {"successes", state.successes}});
     if (arguments.as_json) continue;
-    fmt::print("{}  {}  policy {}  {} scene {}  {} of {} sentences done  host {}\n", name, state.phase, state.run,
-               WordOfState(scene, "campaign"), scene.value("index", std::uint64_t{0}), state.successes, state.attempts,
-               state.host);
+    const bool numbered = scene.contains("index") && scene["index"].is_number_unsigned();
+    Print(fmt::format("{}  {}  policy {}  {} scene {}  {} of {} sentences done  host {}", name, state.phase, state.run,
+                      WordOfState(scene, "campaign"), numbered ? scene["index"].get<std::uint64_t>() : 0,
+                      state.successes, state.attempts, state.host));
   }
   if (arguments.as_json)
     fmt::print("{}\n", JsonText(all, 1));
@@ -218,7 +227,7 @@ Status SendCommand(const PlayArguments& arguments, bus::PlayAction action, const
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState found, client.Find(arguments.session, kAppears));
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Command(found.session, action, json));
-  fmt::print("{}: {}\n", state.session, action == bus::PlayAction::kClose ? "ending" : state.phase);
+  Print(fmt::format("{}: {}", state.session, action == bus::PlayAction::kClose ? "ending" : state.phase));
   return {};
 }
 

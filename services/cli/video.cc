@@ -150,16 +150,18 @@ Status WriteVideo(const Episode& episode, const DecisionInsights* insights, cons
   return writer.Finish();
 }
 
-// False: a stop was requested, and it was not written.
+// False: a stop was requested, or nobody answered, and it was not written.
 Result<bool> WriteRollout(const Episode& episode, Overlay* overlay, const Path& path) {
   try {
     if (overlay == nullptr) {
       ETUDE_RETURN_IF_ERROR(WriteVideo(episode, nullptr, path));
       return true;
     }
+    const auto unanswered = overlay->tally.unanswered;
     ETUDE_ASSIGN_OR_RETURN(const DecisionInsights insights, AskInsights(episode, overlay->ask, overlay->tally));
-    // what was not asked to the end would stay without
-    if (StopRequested()) return false;
+    const bool any = std::ranges::any_of(insights, [](const auto& one) { return one.second.has_value(); });
+    // what was not asked to the end, or had no answer at all, would stay without: a later run asks again
+    if (StopRequested() || (!any && overlay->tally.unanswered > unanswered)) return false;
     ETUDE_RETURN_IF_ERROR(WriteVideo(episode, &insights, path));
     return true;
   } catch (const cv::Exception& error) {
@@ -182,7 +184,7 @@ Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, 
       if (StopRequested()) continue;  // the next run writes it; those that are there are named all the same
       ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(candidate.index));
       ETUDE_ASSIGN_OR_RETURN(const bool written, WriteRollout(episode, overlay, path));
-      if (!written) break;
+      if (!written) continue;  // those that are there are named all the same
     }
     videos.push_back(path);
   }

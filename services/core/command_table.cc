@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -50,6 +51,17 @@ Json OptionRow(const CLI::Option& option) {
           {"description", option.get_description()}};
 }
 
+// @returns what is wrong, "" when nothing is
+std::string TakeDecimal(std::string& text, bool is_unsigned) {
+  if (is_unsigned && text.starts_with('-')) return fmt::format("{} is below 0", text);
+  const std::size_t begin = text.starts_with('-') || text.starts_with('+') ? 1 : 0;
+  std::size_t end = begin;
+  while (end + 1 < text.size() && text[end] == '0' && std::isdigit(static_cast<unsigned char>(text[end + 1])) != 0)
+    ++end;
+  text.erase(begin, end - begin);
+  return "";
+}
+
 }  // namespace
 
 Json CommandTable(const CLI::App& app) {
@@ -64,11 +76,23 @@ Json CommandTable(const CLI::App& app) {
           {"commands", std::move(commands)}};
 }
 
+void TakeDecimals(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    const std::string type = option->get_type_name();
+    const bool is_unsigned = type.starts_with("UINT");
+    if (!is_unsigned && !type.starts_with("INT")) continue;
+    // before all checks: ranges look at what it makes
+    option->transform(CLI::Validator([=](std::string& text) { return TakeDecimal(text, is_unsigned); }, ""));
+  }
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) TakeDecimals(*command);
+}
+
 std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv) {
   if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) {
     fmt::print("{}\n", CommandTable(app).dump(1));
     return kExitOk;
   }
+  TakeDecimals(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -16,6 +16,11 @@ namespace etude {
 /// option of a group without a name, which `--help` hides, is left out here, too.
 nlohmann::ordered_json CommandTable(const CLI::App& app);
 
+/// Has every whole number of the program and its commands read as decimal, and none below 0 where there is no sign: to
+/// CLI11 000010, an episode as its file is called, is octal, and -1 is 2^64 - 1. ParseCommandLine does it; for who
+/// parses without that. Call it when all options are there.
+void TakeDecimals(CLI::App& app);
+
 /// Parses the arguments. Returns the exit code when that is all: after `--help` and `--version`, when they are wrong
 /// (told on stderr), and after `PROGRAM --command-table`, which prints CommandTable(app).
 std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);

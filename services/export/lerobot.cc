@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <map>
 #include <optional>
 
@@ -126,7 +127,12 @@ Result<LeRobotReport> ExportLeRobot(const Path& dataset, const Path& out, const 
       return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "
                                                 "(--restart begins anew)",
                                                 i, indices.size(), folder.path().string()));
-    ETUDE_RETURN_IF_ERROR(exporter.Add(indices[i]));
+    if (Status added = exporter.Add(indices[i]); !added) {
+      // refused, and would be again: what was made until here is only in the way of the next try
+      std::error_code ignored;
+      if (added.error().code == Code::kInvalidArgument) std::filesystem::remove_all(folder.path(), ignored);
+      return Fail(added.error());
+    }
     if (options.progress) options.progress(i + 1, indices.size());
   }
   ETUDE_ASSIGN_OR_RETURN(const LeRobotReport report, exporter.Finish());

@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 
 #include "services/codec/frame.h"
 #include "services/core/hash.h"
@@ -103,15 +104,43 @@ Result<std::vector<Recording>> ListRecordings(const Path& folder) {
   return recordings;
 }
 
-// Two imports are not of one spec, in which a number would mean one episode. Of one that cannot be read its name
-// counts.
-std::uint64_t SeedOf(const std::vector<Recording>& recordings) {
+// What all recordings say, before the first of them becomes an episode of a spec that is all of theirs.
+struct Survey {
+  std::uint64_t seed = 0;                   // two imports are not of one spec, in which a number would mean one episode
+  std::vector<std::string> tasks, objects;  // in the order in which they first come
+  std::size_t together = 0;                 // objects of one recording, at most
+};
+
+void AddOnce(const std::string& word, std::vector<std::string>& words) {
+  if (std::ranges::find(words, word) == words.end()) words.push_back(word);
+}
+
+// Of one that cannot be read its name counts.
+Survey SurveyOf(const std::vector<Recording>& recordings, const language::Grammar& grammar) {
+  Survey survey;
   Sha256 hash;
   for (const Recording& recording : recordings) {
+    const std::string text = ReadTextFile(recording.folder / "states.json", kMostStates).value_or("");
     hash.Update(recording.name + "\n");
-    hash.Update(ReadTextFile(recording.folder / "states.json", kMostStates).value_or(""));
+    hash.Update(text);
+    const OrderedJson states = ParseBoundedJson(text).value_or(OrderedJson());
+    if (!states.is_array() || states.empty()) continue;
+    const OrderedJson& first = states.front();
+    const auto task = Word(first, "action_inst"), goal = Word(first, "goal_object");
+    if (!task || !goal || !grammar.Check(language::Command{*task, ObjectName(*goal), "", ""})) continue;
+    const auto tracked = first.find("objects_to_track");
+    if (tracked == first.end() || !tracked->is_object()) continue;
+    AddOnce(*task, survey.tasks);
+    std::size_t objects = 0;
+    for (const auto& [theirs, state] : tracked->items()) {
+      if (theirs == "EE") continue;
+      AddOnce(ObjectName(theirs), survey.objects);
+      ++objects;
+    }
+    survey.together = std::max(survey.together, objects);
   }
-  return etude::SeedOf(hash.Finish());
+  survey.seed = etude::SeedOf(hash.Finish());
+  return survey;
 }
 
 Result<OrderedJson> ReadStates(const Path& folder) {
@@ -246,8 +275,13 @@ class Converter {
 class Importer {
  public:
   Importer(const Fingers& fingers, const language::Grammar& grammar, const Path& out, const ModattnOptions& options,
-           std::size_t recordings, std::uint64_t seed)
-      : fingers_(fingers), grammar_(grammar), out_(out), options_(options), recordings_(recordings), seed_(seed) {}
+           std::size_t recordings, Survey survey)
+      : fingers_(fingers),
+        grammar_(grammar),
+        out_(out),
+        options_(options),
+        recordings_(recordings),
+        survey_(std::move(survey)) {}
 
   Status Add(const Recording& recording) {
     const auto episode = Convert(recording);
@@ -282,7 +316,7 @@ class Importer {
     Episode episode;
     ETUDE_RETURN_IF_ERROR(Describe(states.front(), recording, episode));
     ETUDE_RETURN_IF_ERROR(ReadPictures(recording.folder, states.size(), episode));
-    FitSpec(episode);
+    FitSpec();
     episode.spec_sha256 = SpecHash(*spec_);
     Converter converter(fingers_, episode);
     for (std::size_t t = 0; t < states.size(); ++t)
@@ -335,16 +369,17 @@ class Importer {
     return {};
   }
 
-  // what the first episode says; nothing of this campaign can be made again
-  void FitSpec(const Episode& episode) {
+  // nothing of this campaign can be made again
+  void FitSpec() {
     if (spec_) return;
     spec_.emplace();
     spec_->name = options_.name;
-    spec_->seed = seed_;
+    spec_->seed = survey_.seed;
     spec_->episodes = recordings_;
     spec_->robots = {options_.robot};
-    spec_->objects.clear();
-    for (const auto& object : episode.objects) spec_->objects.push_back(object.name);
+    spec_->tasks = survey_.tasks;
+    spec_->objects = survey_.objects;
+    if (survey_.objects.size() > survey_.together) spec_->objects_per_scene = static_cast<int>(survey_.together);
     spec_->image_stride = 1;
     spec_->camera.width = width_;
     spec_->camera.height = height_;
@@ -358,7 +393,7 @@ class Importer {
   Path out_;
   const ModattnOptions& options_;
   const std::size_t recordings_;
-  const std::uint64_t seed_;
+  const Survey survey_;
   std::optional<CampaignSpec> spec_;
   std::optional<store::DatasetWriter> writer_;
   std::uint64_t count_ = 0;
@@ -382,7 +417,7 @@ Result<ModattnReport> ImportModattn(const Path& folder, const Path& out, const M
   ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::Load());
   ETUDE_ASSIGN_OR_RETURN(auto place, OutputFolder::Create(out, options.leftover));
   ModattnReport report;
-  Importer importer(fingers, grammar, place.path(), options, recordings.size(), SeedOf(recordings));
+  Importer importer(fingers, grammar, place.path(), options, recordings.size(), SurveyOf(recordings, grammar));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     if (StopRequested())
       return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "

@@ -154,9 +154,10 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
   // from here on it will be done, by this process or by the next one
   const auto intend = [&] { return WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"); };
   Status intended = intend();
-  if (!intended && IsFull(dataset)) {
-    // a full disk, on which one deletes, has no room to write that down: the first episode makes it
-    std::error_code error;
+  std::error_code error;
+  // a full disk, on which one deletes, has no room to write that down: the first episode makes it, unless its bytes
+  // have another name
+  if (!intended && IsFull(dataset) && fs::hard_link_count(EpisodePath(dataset, indices.front()), error) == 1) {
     fs::remove(EpisodePath(dataset, indices.front()), error);
     if (!error) intended = intend();
   }
@@ -174,7 +175,7 @@ bool IsDerived(const Path& dataset) {
 
 bool CanBeMadeAgain(const Path& dataset) {
   const auto found = internal::ReadDatasetFile(dataset);
-  return found && internal::WhyClosed(*found).empty() && !IsDerived(dataset);
+  return found && found->spec.mode == "demonstrate" && internal::WhyClosed(*found).empty() && !IsDerived(dataset);
 }
 
 namespace internal {

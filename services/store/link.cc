@@ -174,6 +174,9 @@ Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& o
   ETUDE_RETURN_IF_ERROR(CheckOneFilesystem(shards, out));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   ETUDE_RETURN_IF_ERROR(FillLinked(shards, shard_of, spec, folder.path(), progress));
+  // what was chosen of others, or imported, no campaign goes on with here either
+  if (std::ranges::any_of(datasets, [](const Path& dataset) { return IsDerived(dataset); }))
+    ETUDE_RETURN_IF_ERROR(MarkDerived(folder.path()));
   if (finish) ETUDE_RETURN_IF_ERROR(finish(folder.path()));
   ETUDE_RETURN_IF_ERROR(folder.Commit());
   return LinkReport{shard_of.size(), spec.episodes};

@@ -49,9 +49,8 @@ struct DataConfig {
       "share of noun phrases with random letters in place of a word that they can do without: 'push xqv cube'");
     v("clauses", clauses, "-", "share of relabelled sentences that also say what to keep off, or name a second object");
     v("rest", rest, "-",
-      "share of the frames of a last stage `hold`, in which the hand rests, that are taken: they look like the middle "
-      "of "
-      "a demonstration that began nearer");
+      "share of the frames of a last stage `hold`, in which the hand rests, that are taken: they look like the "
+      "middle of a demonstration that began nearer");
     v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
     v("brightness", brightness, "-", "of 255, changed by up to this share");
     v("contrast", contrast, "-", "changed by up to this share");

@@ -120,8 +120,8 @@ std::vector<Camera> CamerasOfDataset(const data::Dataset& dataset, const data::S
 }
 
 // Of the grammar that this run draws sentences from; "" where it has none for an object, which ends a run at its begin.
-std::string WordsOf(const TrainingRun& run) {
-  const auto &tasks = run.dataset->tasks(), &objects = run.dataset->objects();
+std::string WordsOf(const TrainingRun& run, const std::vector<std::string>& objects) {
+  const auto& tasks = run.dataset->tasks();
   auto words = language::SeenWords(*run.grammar, tasks, objects);
   if (!words) return "";
   const bool relabels = run.config.data.sentences > 1 && run.config.curriculum.relabelled != "never";
@@ -165,27 +165,25 @@ Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::s
   return {};
 }
 
-// Of the specs' objects, and of what episodes show besides: an import's spec has what its first recording tracked, and
-// relabelled sentences speak of all that stands in a scene.
-Result<language::Grammar> GrammarFor(const data::Dataset& dataset, const data::Snapshot& snapshot) {
+// The specs', and what episodes show besides: an import's spec has what its first recording tracked, and relabelled
+// sentences speak of all that stands in a scene.
+std::vector<std::string> ObjectsSaid(const data::Dataset& dataset, const data::Snapshot& snapshot) {
   std::vector<std::string> objects = dataset.objects();
-  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(objects, dataset.tasks()));
-  const std::size_t known = objects.size();
   for (const auto& entry : snapshot.episodes())
     for (const auto& object : entry->episode().objects)
-      if (!IsDistractor(object.name) && grammar.NounPhrases(object.name).empty() &&
+      if (!IsDistractor(object.name) && object.name != kObstacleObject &&
           std::ranges::find(objects, object.name) == objects.end())
         objects.push_back(object.name);
-  if (objects.size() == known) return grammar;
-  return language::Grammar::LoadFor(objects, dataset.tasks());
+  return objects;
 }
 
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   AdoptClasses(NounsOf(*run.dataset), run.config.policy.objects);
   AdoptTasks(run.dataset->tasks(), run.config.policy);
-  ETUDE_ASSIGN_OR_RETURN(auto loaded, GrammarFor(*run.dataset, snapshot));
+  const std::vector<std::string> said = ObjectsSaid(*run.dataset, snapshot);
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(said, run.dataset->tasks()));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
-  run.words = WordsOf(run);
+  run.words = WordsOf(run, said);
   policy::PolicyConfig& config = run.config.policy;
   ETUDE_RETURN_IF_ERROR(CheckObjects(config, ObjectsIn(*run.dataset)));
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <optional>
+#include <utility>
 
 #include "services/core/crash_point.h"
 #include "services/core/disk_wait.h"
@@ -132,7 +133,9 @@ Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
   }
   if (!sent) {  // nor does it need the room of a checkpoint
     ETUDE_RETURN_IF_ERROR(KeepState(run));
-    return Fail(sent.error().Wrap(what));
+    Error error = sent.error().Wrap(what);
+    error.message += "; what was learned is kept: --resume goes on";
+    return Fail(std::move(error));
   }
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;

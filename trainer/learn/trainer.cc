@@ -189,15 +189,21 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     if (std::isfinite(error)) run.modules[module].error = error;
   ETUDE_RETURN_IF_ERROR(WriteOrWait(
       run, "metrics.jsonl", [&] { return run.log->Write("valid", run.step, run.Elapsed(), run.evaluation.metrics); }));
-  const int stage = run.scheduler->stage();
+  const int stage = run.scheduler->stage(), best_stage = run.best_stage;
+  const double best_score = run.best_score;
   const bool best = TakeBest();
   if (observe) {
     ETUDE_RETURN_IF_ERROR(NoteAdvance(run.scheduler->Observe(run.step, run.Progress(), run.evaluation.errors)));
     LogUnmeasured();
   }
   // before the last stage only channel `latest` matters
-  if (best && stage == run.scheduler->stages()) return KeepNow(run, hooks, true);
-  return {};
+  if (!best || stage != run.scheduler->stages()) return {};
+  const Status kept = KeepNow(run, hooks, true);
+  if (!kept) {  // what was the best still is; the state that is kept at the end says so
+    run.best_stage = best_stage;
+    run.best_score = best_score;
+  }
+  return kept;
 }
 
 // minutes that have become steps stand in config.yaml from then on

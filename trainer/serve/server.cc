@@ -390,7 +390,8 @@ void PolicyServer::Impl::AnswerAll(Front& at, const std::vector<bus::Observation
   };
   std::vector<std::thread> others;
   const std::size_t helpers = std::min(open.size(), static_cast<std::size_t>(options.threads));
-  for (std::size_t t = 1; t < helpers; ++t) others.emplace_back(work);
+  for (std::size_t t = 1; t < helpers; ++t)  // the system may have no more of them: those that are there do all
+    if (!WithoutThrowing([&]() -> Status { return others.emplace_back(work), Status(); })) break;
   work();
   for (auto& thread : others) thread.join();
   if (!desk.insights) return;

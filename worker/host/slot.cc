@@ -101,8 +101,9 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
   auto moved = MonotonicClock::now();
   std::optional<std::pair<std::string, std::uint32_t>> reached;
   bool spoke = false;  // since it moved
-  // a campaign may be more patient than a host: which attempt has failed must not depend on who made it
-  const auto patience = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * joined_->spec.stall_timeout_s));
+  // a campaign may be more patient than a host: which attempt has failed must not depend on who made it. Nine tenths,
+  // so that the host's word comes before the collector takes the lease
+  const auto patience = std::chrono::milliseconds(static_cast<std::int64_t>(900 * joined_->spec.stall_timeout_s));
   const auto stall = std::max(options_.stall, patience);
   const auto hung = [&]() -> std::optional<Loss> {
     if (MonotonicClock::now() - moved < stall) return std::nullopt;

@@ -18,9 +18,11 @@
 namespace etude::host {
 
 struct SlotOptions {
-  std::vector<std::string> argv;            ///< of the child; its end of the socket pair is descriptor 3
-  std::string name;                         ///< for the log
-  std::chrono::milliseconds stall{90'000};  ///< a child that says nothing new for so long while it works is ended
+  std::vector<std::string> argv;  ///< of the child; its end of the socket pair is descriptor 3
+  std::string name;               ///< for the log
+  /// A child that says nothing new for so long while it works is ended; or for nine tenths of the campaign's
+  /// stall_timeout_s, where that is longer.
+  std::chrono::milliseconds stall{90'000};
   /// Of all slots together, since the last result: that many, and the host gives up.
   std::shared_ptr<std::atomic<int>> deaths = std::make_shared<std::atomic<int>>(0);
   int hopeless = 6;

@@ -22,15 +22,16 @@ constexpr std::uint32_t kDomain = 66;
 // A session in which every sentence ends as it is told.
 class FakeSession {
  public:
-  explicit FakeSession(std::string outcome)
+  explicit FakeSession(std::string outcome, const std::string& name = "by-hand",
+                       const std::string& scene = R"({"campaign": "lab", "tasks": ["pick", "push"],
+                           "campaign_objects": ["coke", "pepsi"], "objects": [{"name": "coke"}, {"name": "pepsi"}]})")
       : participant_(bus::Participant::Open({kDomain, ""}).value()),
         commands_(bus::Reader<bus::PlayCommand>::Open(participant_, bus::kPlayPartition).value()),
         states_(bus::Writer<bus::PlayState>::Open(participant_, bus::kPlayPartition).value()) {
-    state_.session = "by-hand";
+    state_.session = name;
     state_.run = "nobody@0011";
     state_.phase = "rest";
-    state_.scene_json = R"({"campaign": "lab", "tasks": ["pick", "push"], "campaign_objects": ["coke", "pepsi"],
-                            "objects": [{"name": "coke"}, {"name": "pepsi"}]})";
+    state_.scene_json = scene;
     thread_ = std::jthread([this, outcome = std::move(outcome)](const std::stop_token& stop) {
       while (!stop.stop_requested()) {
         commands_.Wait(20ms);
@@ -88,6 +89,16 @@ TEST_F(PlayCommands, OneThatIsNotDoneIsAnObjectToo) {
   EXPECT_NE(json["why_not"], "");
   EXPECT_EQ(json["outcome"], "timeout");
   EXPECT_EQ(json["reason"], "as it was told");
+}
+
+// before, one scene of another kind ended the list of all, and what peers say moved the reader's cursor
+TEST_F(PlayCommands, TheListHasEverySessionWhateverOnesSceneIs) {
+  const FakeSession session("success"), odd("success", "odd\x1b[2J", "[]");
+  const auto listed = RunEtude({"play", "list", "--domain", std::to_string(kDomain)}, folder_ / "output.txt");
+  EXPECT_EQ(listed.exit_code, kExitOk) << listed.text;
+  EXPECT_THAT(listed.text, testing::HasSubstr("by-hand  rest"));
+  EXPECT_THAT(listed.text, testing::HasSubstr("odd"));
+  EXPECT_THAT(listed.text, testing::Not(testing::HasSubstr("\x1b")));
 }
 
 }  // namespace play_commands_test

@@ -101,6 +101,24 @@ TEST(WriteVideos, OverlaysHaveNamesOfTheirOwnAndAskForWhatTheyShow) {
   EXPECT_EQ(asked.size(), 2u);
 }
 
+// before, plain videos had an overlay's names for good, because they were there
+TEST(WriteVideos, WhereNobodyAnswersThereIsNoOverlay) {
+  TemporaryFolder folder;
+  WriteRollouts(folder / "rollouts");
+  bool answers = false;
+  Overlay overlay{[&](const policy::Question&) -> Result<policy::Insight> {
+                    if (!answers) return Fail(Code::kUnavailable, "nobody serves");
+                    return ExampleInsight();
+                  },
+                  {}};
+  const auto none = WriteVideos(folder / "rollouts", folder / "videos", 2, &overlay);
+  ASSERT_TRUE(none) << none.error().message;
+  EXPECT_TRUE(none->empty());
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "videos"));
+  answers = true;
+  EXPECT_EQ(WriteVideos(folder / "rollouts", folder / "videos", 2, &overlay)->size(), 2u);
+}
+
 TEST(WriteVideos, ADecisionWithoutAnInsightCostsNoFrame) {
   TemporaryFolder folder;
   WriteRollouts(folder / "rollouts");

@@ -2,8 +2,10 @@
 // Tests services/core/command_table.cc
 #include "services/core/command_table.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -70,6 +72,23 @@ TEST(ParseCommandLine, GoesOnWhenTheArgumentsAreRight) {
   Program program;
   EXPECT_FALSE(program.Parse({"a.txt", "--count", "4"}).has_value());
   EXPECT_EQ(program.count, 4);
+}
+
+// As episodes' files are called: to CLI11 they were octal, and -1 the largest number there is.
+TEST(ParseCommandLine, NumbersAreDecimal) {
+  Program program;
+  EXPECT_FALSE(program.Parse({"a.txt", "--count", "08"}).has_value());
+  EXPECT_EQ(program.count, 8);
+  Program zero;
+  EXPECT_FALSE(zero.Parse({"a.txt", "--count", "000"}).has_value());
+  EXPECT_EQ(zero.count, 0);
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(Program().Parse({"a.txt", "--count", "010"}), kExitUsage) << "ten is more than nine";
+  Program large;
+  std::uint64_t seed = 0;
+  large.app.add_option("--seed", seed, "of all");
+  EXPECT_EQ(large.Parse({"a.txt", "--seed", "-1"}), kExitUsage);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("-1 is below 0"));
 }
 
 TEST(ParseCommandLine, EndsWithHelpAndWithWrongUsage) {

@@ -254,6 +254,7 @@ TEST_F(LeRobot, RefusesWhatCannotBeOneDataset) {
     ASSERT_THAT(writer->Commit(other), IsOk());
   }
   EXPECT_THAT(ExportLeRobot(dataset_, out_, {}), MessageHas("robot panda, not ur5"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out.partial")) << "it would be in the way of the mended command";
 
   CampaignSpec odd = SyntheticSpec();
   odd.image_stride = 2;
@@ -261,6 +262,7 @@ TEST_F(LeRobot, RefusesWhatCannotBeOneDataset) {
   ASSERT_THAT(writer, IsOk());
   ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(odd, 0)), IsOk());
   EXPECT_THAT(ExportLeRobot(folder_ / "odd", folder_ / "out2", {}), MessageHas("whole number"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out2.partial"));
 }
 
 }  // namespace lerobot_test

@@ -79,6 +79,21 @@ TEST_F(Modattn, BecomesADatasetThatVerifies) {
 }
 
 // of one spec they could not be merged, and their good episodes were called damaged
+// before, the spec had pick, push and put_down whatever was recorded, and the first recording's objects
+TEST_F(Modattn, TheSpecHasWhatAllRecordingsSay) {
+  for (const char* name : {"0", "1"}) WriteRecording(name);
+  for (int t = 0; t < kSteps; ++t) {
+    ReplaceInFile(in_ / "1/states.json", "pick", "push");
+    ReplaceInFile(in_ / "1/states.json", "coke", "milk");
+  }
+  ASSERT_THAT(ImportModattn(in_, out_, {}), IsOk());
+  const auto reader = store::DatasetReader::Open(out_);
+  ASSERT_THAT(reader, IsOk());
+  EXPECT_THAT(reader->spec().tasks, testing::ElementsAre("pick", "push"));
+  EXPECT_THAT(reader->spec().objects, testing::ElementsAre("cube", "coke", "milk"));
+  EXPECT_EQ(reader->spec().objects_per_scene, 2);
+}
+
 TEST_F(Modattn, OtherRecordingsAreOfAnotherSpecAndTheSameOfTheSame) {
   WriteRecording("0");
   ASSERT_THAT(ImportModattn(in_, folder_ / "a", {}), IsOk());

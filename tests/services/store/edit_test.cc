@@ -122,6 +122,11 @@ TEST_F(Edit, OnlyACollectorThatMayAddMakesEpisodesAgain) {
   ASSERT_THAT(CopyEpisodes(data_, {2}, folder_ / "some", Leftover::kRefuse), IsOk());
   EXPECT_FALSE(CanBeMadeAgain(folder_ / "some")) << "of others";
   EXPECT_FALSE(CanBeMadeAgain(folder_ / "none"));
+  CampaignSpec rollouts = spec_;
+  rollouts.mode = "rollout";
+  rollouts.rollout.run = "run";
+  ASSERT_THAT(DatasetWriter::Open(folder_ / "rollouts", rollouts), IsOk());
+  EXPECT_FALSE(CanBeMadeAgain(folder_ / "rollouts")) << "no collection makes rollouts";
   auto description = OrderedJson::parse(*ReadTextFile(data_ / "dataset.json"));
   description["content"] = 1;
   ASSERT_THAT(WriteFileAtomically(data_ / "dataset.json", description.dump()), IsOk());
@@ -212,6 +217,27 @@ TEST_F(Edit, ADeletionOnAFullDiskMakesItsOwnRoom) {
   ASSERT_THAT(DeleteEpisodes(data, {1, 3}), IsOk());
   EXPECT_THAT(List(data), ElementsAre(0, 2));
   ExpectSound(data, 2);
+}
+
+// before, the first episode was removed all the same, and made no room: its bytes had another name
+TEST_F(Edit, ADeletionOnAFullDiskTakesNothingWhereItMakesNoRoom) {
+  const faults::SmallDisk disk(folder_ / "disk", "8m");
+  if (!disk.mounted()) GTEST_SKIP() << "a small tmpfs needs root";
+  const Path data = folder_ / "disk/data", copy = folder_ / "disk/copy";
+  {
+    auto writer = DatasetWriter::Open(data, spec_);
+    ASSERT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; i < 4; ++i) ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 400)), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
+  }
+  ASSERT_THAT(CopyEpisodes(data, {0, 1, 2, 3}, copy, Leftover::kRefuse), IsOk());
+  std::ofstream ballast(folder_ / "disk/ballast", std::ios::binary);
+  const std::string block(4096, 'x');
+  while (ballast.write(block.data(), static_cast<std::streamsize>(block.size())).flush()) {
+  }
+  ASSERT_THAT(WriteFileAtomically(copy / "more", std::string(8192, 'x')), HasCode(Code::kUnavailable));
+  EXPECT_THAT(DeleteEpisodes(copy, {1, 3}), HasCode(Code::kUnavailable));
+  EXPECT_THAT(List(copy), ElementsAre(0, 1, 2, 3));
 }
 
 TEST_F(Edit, EndsADeletionThatWasInterrupted) {

@@ -70,6 +70,14 @@ TEST_F(Link, IsTheDatasetThatOneCollectorWouldHaveMade) {
   EXPECT_TRUE(std::filesystem::exists(out_ / "dataset.hdf5"));
 }
 
+TEST_F(Link, OfWhatWasChosenOfOthersNoCampaignGoesOn) {
+  const Path a = WriteShard("a", spec_, {0, 2}), b = WriteShard("b", spec_, {1});
+  ASSERT_THAT(MarkDerived(b), IsOk());
+  ASSERT_THAT(LinkDatasets({a, b}, out_, Leftover::kRefuse), IsOk());
+  EXPECT_TRUE(IsDerived(out_));
+  EXPECT_FALSE(CanBeMadeAgain(out_));
+}
+
 TEST_F(Link, TakesNoRoomAndOutlivesItsShards) {
   const Path a = WriteShard("a", spec_, {0}), b = WriteShard("b", spec_, {1});
   const auto inode = InfoOf(EpisodePath(b, 1)).st_ino;

@@ -192,6 +192,7 @@ TEST_F(KeepTest, SentencesAreAboutAllThatStandsInAScene) {
     for (const auto& sentence : batch.sentences) said |= sentence.find("wrench") != std::string::npos;
   }
   EXPECT_TRUE(said);
+  EXPECT_TRUE(language::WordsIn(run->words).contains("wrench"));
 }
 
 // Clauses are put into relabelled sentences.
