@@ -282,7 +282,7 @@ void DatasetSource::ForgetUnreadable() {
   if (gone == 0) return;
   std::erase_if(info_.unreadable_files,
                 [this](const auto& item) ETUDE_REQUIRES(mutex_) { return !unreadable_stamps_.contains(item.first); });
-  info_.unreadable = info_.unreadable_files.size();
+  info_.unreadable = unreadable_stamps_.size();
   changed_ = true;
 }
 
@@ -335,10 +335,10 @@ bool DatasetSource::ReadNext() {
     // newest first: that is what a list shows first
     const auto next = std::find_if(rows_.rbegin(), rows_.rend(), [&](const auto& item) ETUDE_REQUIRES(mutex_) {
       const auto again = again_at_.find(item.first);
-      return !item.second.known && !info_.unreadable_files.contains(item.first) &&
+      return !item.second.known && !unreadable_stamps_.contains(item.first) &&
              (again == again_at_.end() || again->second <= now);
     });
-    if (next == rows_.rend() || info_.unreadable_files.size() >= kMostUnreadable) return false;
+    if (next == rows_.rend()) return false;
     index = next->first;
     reader = *reader_;
   }
@@ -352,9 +352,9 @@ bool DatasetSource::ReadNext() {
       again_at_[index] = MonotonicClock::now() + kAgainAfter;
       return true;
     }
-    info_.unreadable_files[index] = record.error().message;
     unreadable_stamps_[index] = stamp;
-    info_.unreadable = info_.unreadable_files.size();
+    if (info_.unreadable_files.size() < kMostUnreadable) info_.unreadable_files[index] = record.error().message;
+    info_.unreadable = unreadable_stamps_.size();
     return true;
   }
   if (const auto row = rows_.find(index); row != rows_.end()) TakeEpisode(*record, row->second);

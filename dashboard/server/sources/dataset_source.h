@@ -135,7 +135,7 @@ class DatasetSource {
   bool changed_ ETUDE_GUARDED_BY(mutex_) = true;
   std::list<Recent> recent_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::uint64_t, MonotonicClock::time_point> again_at_ ETUDE_GUARDED_BY(mutex_);
-  std::map<std::uint64_t, FileStamp> unreadable_stamps_ ETUDE_GUARDED_BY(mutex_);  // of info_.unreadable_files
+  std::map<std::uint64_t, FileStamp> unreadable_stamps_ ETUDE_GUARDED_BY(mutex_);  // of all that cannot be read
 };
 
 /// SplitOf; "" for a spec that has no split, as only a damaged one does.

@@ -5,7 +5,7 @@ import { useResource } from './core/api';
 import { connection, lastHeard, now, useLive } from './core/connection';
 import { age, clock } from './core/format';
 import { active, enabled, setEnabled, useKeys, type Binding } from './core/keys';
-import { canShow, parameterOf } from './core/choice';
+import { canShow, labelOf, parameterOf } from './core/choice';
 import { link, location, navigate } from './core/router';
 import { choose, chosen, home, listed, nameOf, sourceOf, sourcesOf, type Kind } from './core/sources';
 import { choose as paint, theme, type Theme } from './core/theme';
@@ -129,7 +129,7 @@ function Picker(props: { kind: Kind }) {
   const id = listed(chosen(kind))[0] ?? '';
   const all = sourcesOf(kind, kind === 'dataset' && sourceOf(id)?.role === 'rollouts');
   if (!all.length) return null;
-  const options = all.map((one) => [one.id, all.filter((other) => other.name === one.name).length > 1 ? `${one.name} (${one.folder ?? one.id})` : one.name] as const);
+  const options = all.map((one) => [one.id, labelOf(all, one)] as const);
   if (!all.some((one) => one.id === id)) options.unshift([id, sourceOf(id) ? nameOf(id) : `${id} (not listed)`]);
   return <Select label={kind} value={id} options={options} choose={(value) => choose(kind, value)} />;
 }

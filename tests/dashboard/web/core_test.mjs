@@ -205,6 +205,12 @@ test('a page shows a run with files before one that is on the bus alone, and cam
   assert.ok(canShow(all, 'campaign', 'bus'));
 });
 
+test('sources of one name are told apart by their folder', async () => {
+  const { labelOf } = await load('choice.ts');
+  const all = [{ id: 'x', name: 'run', folder: 'x/run' }, { id: 'y', name: 'run', folder: null }, { id: 'z', name: 'other', folder: 'z' }];
+  assert.deepEqual(all.map((one) => labelOf(all, one)), ['run (x/run)', 'run (y)', 'other']);
+});
+
 test('a range of an axis is read from the address, or there is none', async () => {
   const { readRange, writeRange, zoomed } = await load('range.ts');
   assert.deepEqual(readRange('100..250'), [100, 250]);

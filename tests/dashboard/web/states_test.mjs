@@ -735,7 +735,35 @@ test('Evaluation: of the scene that is picked alone something is shown, and what
     await drawn(page);
     assert.equal(await page.locator(panel(3)).count(), 1);
     assert.equal(await page.locator('[data-scene][aria-current]').getAttribute('data-scene'), '3');
+    // videos and what the policy said are written when the last rollout is over
+    rows = rows.map((one) => (one.index === 3 ? rolloutOf(3, false, { insight: true, video: '/x.mp4' }) : one));
+    await push('eval', evalOf('a', 1, 3, { episodes: 9, updated: '2026-01-01T10:01:00Z' }));
+    await page.waitForSelector(`${panel(3)} a:has-text("What the policy said")`);
+    await page.waitForSelector(`${panel(3)} video[src="/x.mp4"]`, { state: 'attached' });
+    // its folder is made anew: nothing of the rollouts before is shown
+    rows = [rolloutOf(0, true)];
+    await push('eval', evalOf('a', 1, 1, { episodes: 9, updated: '2026-01-01T10:02:00Z' }));
+    await page.waitForSelector(panel(3), { state: 'detached' });
+  }, { allow: /404 \(Not Found|Failed to load/ });
+});
+
+test('runs of one name are told apart where they are compared', async () => {
+  const runs = ['x', 'y'].map((folder) => source('run', `${folder}.run`, { name: 'run', folder: `${folder}/run` }));
+  await open('/training?run=x.run', { '/home': await homeOf(runs), ...answersOf('x.run'), ...answersOf('y.run') }, async (page) => {
+    await page.waitForSelector('option:has-text("run (y/run)")', { state: 'attached' });
   });
+});
+
+test('Fleet without a worker lists what the gateway runs, and asks again beside its channel', async () => {
+  const job = { id: '7', action: 'eval', command: 'etude eval --out eval', state: 'running', started: '2026-01-01T10:00:00Z', ended: null, exit_code: null, progress: null, result: null, log: [] };
+  let fleet = { status: 504, json: { title: 'Took too long', status: 504 } };
+  await open('/fleet', { '/fleet': () => fleet, '/jobs': { jobs: [job] }, '/session': { enabled: true, authorized: true } }, async (page) => {
+    await page.waitForSelector('.problem:has-text("Took too long")');
+    fleet = fleetOf([], { workers: 0, live: false });
+    await page.waitForSelector('.empty:has-text("No worker has been heard")', { timeout: 15000 });
+    await page.waitForSelector('[data-job=eval]');
+    assert.equal(await page.locator('.problem').count(), 0);
+  }, { allow: /504 \(Gateway/ });
 });
 
 test('what other evaluations say is read again when they have changed', async () => {

@@ -27,3 +27,8 @@ export function defaultOf(all: readonly Source[], kind: Kind): Source | undefine
 export function canShow(all: readonly Source[], kind: Kind, id: string): boolean {
   return kind !== 'dataset' || all.find((one) => one.id === id)?.kind !== 'campaign';
 }
+
+/** What people tell it by: its name, with its folder where another of these has the same. */
+export function labelOf(among: readonly Source[], of: Source): string {
+  return among.some((one) => one.id !== of.id && one.name === of.name) ? `${of.name} (${of.folder ?? of.id})` : of.name;
+}

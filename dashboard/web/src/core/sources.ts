@@ -3,7 +3,7 @@
 import { signal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { withSource } from './address';
-import { defaultOf, ofKind, parameterOf, type Kind } from './choice';
+import { defaultOf, labelOf, ofKind, parameterOf, type Kind } from './choice';
 import type { Home, Source } from './types';
 import { link, location, navigate, setParameters } from './router';
 
@@ -48,7 +48,8 @@ export function sourceOf(id: string | null): Source | null {
 }
 
 export function nameOf(id: string | null): string {
-  return home.value?.sources.find((one) => one.id === id)?.name ?? id ?? '–';
+  const of = sourceOf(id);
+  return of ? labelOf((home.value?.sources ?? []).filter((one) => one.kind === of.kind), of) : id ?? '–';
 }
 
 /** When what is read of these is asked for again: each ten seconds while one of them runs, and when one has changed. */

@@ -33,7 +33,9 @@ function Content(props: { of: Dataset; reload: () => void }) {
   const { of } = props;
   const filter = useFilter();
   const text = query(filter);
-  const summary = useResource<Summary>(`/datasets/${of.id}/summary${text}`, { round: `${of.episodes} ${of.known}` });
+  // a key that was saved may be the one that is filtered by
+  const [saved, setSaved] = useState(0);
+  const summary = useResource<Summary>(`/datasets/${of.id}/summary${text}`, { round: `${of.episodes} ${of.known} ${saved}` });
   const stats = of.statistics as { steps?: number; seconds?: number; frames?: number };
   return (
     <>
@@ -45,7 +47,7 @@ function Content(props: { of: Dataset; reload: () => void }) {
       </div>
       <Filters summary={summary.data} keys={of.keys} />
       <div class="columns main-side">
-        <Rows of={of} text={text} reload={props.reload} />
+        <Rows of={of} text={text} saved={saved} reload={() => { setSaved((n) => n + 1); props.reload(); }} />
         <div class="stack">
           <Loaded of={summary}>{(data) => <Distributions of={data} dataset={of} />}</Loaded>
         </div>
@@ -133,14 +135,14 @@ function Ticked(props: { of: Dataset; shown: number[]; whole: boolean; reload: (
 // of the table, at once
 const mostRows = 200;
 
-function Rows(props: { of: Dataset; text: string; reload: () => void }) {
+function Rows(props: { of: Dataset; text: string; saved: number; reload: () => void }) {
   const { ticks, tick } = useTicks();
   const [sort, setSort] = parameter('sort', '-index');
   const listing = `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=${mostRows}`;
   const page = useCursors(listing);
   const { held, setHeld } = useHeld(props.of.episodes, listing);
   // again also when files were read that had not been, and not for each new episode
-  const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: `${held} ${props.of.episodes - props.of.known}` });
+  const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: `${held} ${props.of.episodes - props.of.known} ${props.saved}` });
   const data = first.data;
   useFollow(data?.total === 0, props.of.episodes, { held, setHeld });
   const fresh = data?.total === 0 ? 0 : props.of.episodes - held;

@@ -81,7 +81,7 @@ function ByCheckpoint(props: { of: Eval }) {
   const rows = all.flatMap((one) => {
     const report = task ? one.per_task.find((part) => part.task === task) : one.overall;
     const twin = all.some((other) => other !== one && step(other) === step(one));
-    const name = `step ${count(step(one))}${twin ? ` · ${one.name}` : ''}${one.seed === of.seed ? '' : ' ≠'}`;
+    const name = `step ${count(step(one))}${twin ? ` · ${nameOf(one.id)}` : ''}${one.seed === of.seed ? '' : ' ≠'}`;
     return report ? [{ ...proportion(report), name, link: link('evaluation', { eval: one.id, task }), ...(one === of ? { token: 'accent' } : {}) }] : [];
   });
   return (
@@ -115,9 +115,12 @@ const mostScenes = 500;
 
 /** The first failure of a listing, or what else it begins with; it stays while others come before it. */
 function useFirst(page: Resource<EvalRows>, listing: string, choose: (rows: EvalRow[]) => EvalRow | undefined): EvalRow | undefined {
-  const first = useRef<{ of: string; row: EvalRow | undefined }>({ of: '', row: undefined });
+  const first = useRef<{ of: string; total: number; row: EvalRow | undefined }>({ of: '', total: 0, row: undefined });
   const rows = page.data?.rows ?? [];
-  if (!page.pending && (first.current.of !== listing || !first.current.row)) first.current = { of: listing, row: choose(rows) };
+  const total = page.data?.total ?? 0;
+  // fewer than there were: its folder was made anew
+  if (!page.pending && (first.current.of !== listing || total < first.current.total || !first.current.row)) first.current = { of: listing, total, row: choose(rows) };
+  else if (!page.pending) first.current.total = total;
   const { row } = first.current;
   return rows.find((one) => one.index === row?.index) ?? row;
 }
@@ -132,11 +135,13 @@ function Scenes(props: { of: Eval; versus: string }) {
   const setSorted = (value: string) => setParameters({ order: value === 'failures' ? null : value, from: null });
   useKeys([{ keys: 'f', does: 'failures first', run: () => setSorted(order === 'failures' ? 'index' : 'failures') }]);
   const listing = `/evals/${of.id}/rows${query({ sort: order, task, offset, limit: mostScenes })}`;
-  const page = useResource<EvalRows>(listing, { round: of.done });
+  // also when the rollouts are over: videos and what the policy said are written behind the last of them
+  const round = `${of.done} ${of.updated}`;
+  const page = useResource<EvalRows>(listing, { round });
   const rows = page.data?.rows ?? [];
   const [total, failed] = [page.data?.total ?? 0, page.data?.failed ?? 0];
   const here = rows.find((one) => String(one.index) === picked);
-  const other = useResource<EvalRows>(picked && (page.data || page.error) && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null, { round: of.done });
+  const other = useResource<EvalRows>(picked && (page.data || page.error) && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null, { round });
   const first = useFirst(page, listing, (all) => (failed && order === 'failures' ? all[0] : all.find((one) => !one.success)));
   // of another scene than the one that is picked nothing is shown
   const row = picked ? here ?? (other.pending ? undefined : other.data?.rows[0]) : first;
@@ -214,8 +219,8 @@ function Compare(props: { of: Eval; versus: string }) {
   const diff = useDiff(versus ? of.id : null, versus);
   if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={evaluateInScenesOf(of)} /></Panel>;
   return (
-    <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => setParameters({ vs: id })} />}>
-      {!versus && <p class="secondary">A is {of.name}. Choose B: scenes that both rolled out are compared one by one.</p>}
+    <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, nameOf(one.id)] as const)]} choose={(id) => setParameters({ vs: id })} />}>
+      {!versus && <p class="secondary">A is {nameOf(of.id)}. Choose B: scenes that both rolled out are compared one by one.</p>}
       {pair.error && <div class="problem" role="alert"><h2>{pair.error.title}</h2><p>{pair.error.detail}</p></div>}
       {pair.data && <Paired of={pair.data} a={of} b={versus} />}
       {other.data && <Runs a={of} b={other.data} />}

@@ -39,7 +39,8 @@ export function Fleet() {
   const [from] = parameter('from', '0');
   const [most, setMost] = parameter('workers', '200');
   const args = { sort, ...(filter ? { filter } : {}), limit: mostHosts, offset: Number(from) || 0, workers: Math.min(mostWorkers, Number(most) || 200) };
-  const first = useResource<FleetAnswer>(`/fleet${query(args)}`);
+  // beside the channel, which says nothing of what fails
+  const first = useResource<FleetAnswer>(`/fleet${query(args)}`, { every: 10000 });
   const live = useLive<FleetAnswer>('fleet', args);
   const at = useRef(Date.now());
   const data = live ?? first.data;
@@ -57,7 +58,7 @@ export function Fleet() {
     <Loaded of={{ ...first, data }}>
       {(fleet) => {
         if (!fleet.workers && !filter && !fleet.hosts.some((one) => one.processes.length)) {
-          return <Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel>;
+          return <><Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel><Jobs /></>;
         }
         const hosts = [...fleet.hosts].sort((a, b) => place(frozen.order, a.host) - place(frozen.order, b.host));
         const moving = hosts.filter((one, i) => one !== fleet.hosts[i]).length;

@@ -8,7 +8,7 @@ import { useKeys } from '../core/keys';
 import { link, linkHere, navigate, parameter } from '../core/router';
 import { brief, errorText, meanError, plan } from '../core/says';
 import { isOf } from '../core/session';
-import { listed, refreshed, sourceOf, sourcesOf, useChosen } from '../core/sources';
+import { listed, nameOf, refreshed, sourceOf, sourcesOf, useChosen } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
@@ -66,7 +66,7 @@ function Source(props: { kept: Eval[]; from: Eval | undefined; session: string; 
   const sessions = own.map((one) => one.session);
   const gone = heard !== undefined && !heard.some((one) => one.session === session);
   const evals = from && !props.kept.some((one) => one.id === from.id) ? [from, ...props.kept] : props.kept;
-  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${one.name}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}${name === session && gone ? ' (not heard)' : ''}`] as const)];
+  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${nameOf(one.id)}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}${name === session && gone ? ' (not heard)' : ''}`] as const)];
   if (!options.length) return null;
   const choose = (text: string) => {
     const [kind = '', name = ''] = text.split(' ');

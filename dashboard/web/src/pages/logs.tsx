@@ -21,7 +21,8 @@ export function LogsPage() {
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
   const page = useCursors(text);
-  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
+  // beside the channel, which says nothing of what fails
+  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`, { round: follow, ...(follow && !page.depth ? { every: 10000 } : {}) });
   const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
   const newest = (!page.depth && (follow ? live : held?.of === text ? held.data : undefined)) || first.data;
   const setFollowing = (on: boolean) => {

@@ -10,7 +10,7 @@ import { Chip, Command, Empty, Loaded, Panel } from '../parts/basics';
 import { Table } from '../parts/table';
 
 export function TopicsPage() {
-  const first = useResource<Topics>('/topics');
+  const first = useResource<Topics>('/topics', { every: 10000 });
   const live = useLive<Topics>('topics', {}, 1);
   const [selected] = parameter('topic');
   return (

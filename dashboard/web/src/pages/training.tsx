@@ -157,7 +157,7 @@ function Compare(props: { ids: string[] }) {
         <span class="chip">{props.ids.length > 1 && <Marker of={i} token={hues[i]!} />}<span class="text">{nameOf(id)}</span>
           {props.ids.length > 1 && <button type="button" class="button plain" aria-label={`remove ${nameOf(id)}`} onClick={() => set(props.ids.filter((one) => one !== id))}>✕</button>}
         </span>))}
-      {others.length > 0 && props.ids.length < 4 && <Select label="Compare with" value="" options={[['', 'compare with…'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => { if (id) set([...props.ids, id]); }} />}
+      {others.length > 0 && props.ids.length < 4 && <Select label="Compare with" value="" options={[['', 'compare with…'], ...others.map((one) => [one.id, nameOf(one.id)] as const)]} choose={(id) => { if (id) set([...props.ids, id]); }} />}
     </div>
   );
 }

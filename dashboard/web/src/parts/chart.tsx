@@ -2,6 +2,7 @@
 // Lines over x by uPlot (loaded with the first chart that is seen): made once, fed in animation frames, one cursor for the page, a hidden table for those who cannot see a canvas.
 import type uPlot from 'uplot';
 import { useEffect, useLayoutEffect, useRef, useState } from 'preact/hooks';
+import { epoch } from '../core/connection';
 import { color, paints } from '../core/theme';
 import { axisLabels, number } from '../core/format';
 import { align } from '../core/lines';
@@ -54,6 +55,20 @@ export interface ChartProps {
 
 const font = '12px system-ui, sans-serif';
 
+let loaded: typeof uPlot | null = null;
+
+/** uPlot, from the first chart that is seen on; a gateway that was away may have it when it is back. */
+function usePlot(wanted: boolean): { Plot: typeof uPlot | null; failed: boolean } {
+  const [Plot, show] = useState<typeof uPlot | null>(() => loaded);
+  const [failed, fail] = useState(false);
+  const generation = epoch.value;
+  useEffect(() => {
+    if (!wanted || Plot) return;
+    import('uplot').then((all) => show(() => (loaded = all.default)), () => fail(true));
+  }, [wanted, generation]);
+  return { Plot, failed: failed && !Plot };
+}
+
 export function Chart(props: ChartProps) {
   const host = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
@@ -71,32 +86,24 @@ export function Chart(props: ChartProps) {
     return () => watcher.disconnect();
   }, []);
 
+  const { Plot, failed } = usePlot(visible);
   useEffect(() => {
     const box = host.current;
-    if (!visible || !box) return;
-    let undo = () => {};
-    let gone = false;
-    void import('uplot').then(({ default: Plot }) => {
-      if (gone) return;
-      const made = new Plot(options(latest, legend, box.clientWidth), data(latest.current), box);
-      plot.current = made;
-      const resize = new ResizeObserver(() => { if (box.clientWidth > 0) made.setSize({ width: box.clientWidth, height: latest.current.height ?? 150 }); });
-      resize.observe(box);
-      const pick = () => { if (made.cursor.idx !== null && made.cursor.idx !== undefined) latest.current.pick?.(made.data[0][made.cursor.idx]!); };
-      made.over.addEventListener('click', pick);
-      const stop = followed(made, latest.current.follow);
-      undo = () => {
-        resize.disconnect();
-        stop();
-        made.destroy();
-        plot.current = null;
-      };
-    });
+    if (!visible || !Plot || !box) return;
+    const made = new Plot(options(latest, legend, box.clientWidth), data(latest.current), box);
+    plot.current = made;
+    const resize = new ResizeObserver(() => { if (box.clientWidth > 0) made.setSize({ width: box.clientWidth, height: latest.current.height ?? 150 }); });
+    resize.observe(box);
+    const pick = () => { if (made.cursor.idx !== null && made.cursor.idx !== undefined) latest.current.pick?.(made.data[0][made.cursor.idx]!); };
+    made.over.addEventListener('click', pick);
+    const stop = followed(made, latest.current.follow);
     return () => {
-      gone = true;
-      undo();
+      resize.disconnect();
+      stop();
+      made.destroy();
+      plot.current = null;
     };
-  }, [visible, shape, props.follow]);
+  }, [visible, Plot, shape, props.follow]);
 
   useEffect(() => {
     const frame = requestAnimationFrame(() => {
@@ -145,6 +152,7 @@ export function Chart(props: ChartProps) {
           </span>
         ))}
       </div>
+      {failed && <p class="small bad" role="alert" data-no-plot>The script that draws it did not come: reload the page.</p>}
       <div class="plot" ref={host} tabIndex={0} role="img" data-arrows aria-label={`${props.title}${props.unit ? `, ${props.unit}` : ''}: ${props.lines.map((line) => describe(line)).join('; ')}. Arrow keys move the cursor${props.zoom ? ', + and - zoom, 0 shows all' : ''}.`}
         style={{ height: `${props.height ?? 150}px` }} onKeyDown={press} onDblClick={() => props.zoom?.(null)} />
       <p class="sr" aria-live="polite" ref={live} />

@@ -195,6 +195,25 @@ TEST(DatasetSource, ADamagedFileIsNamedAndTheOthersGoOn) {
   EXPECT_EQ(source.View().value()->info.unreadable, 0u);
 }
 
+// before, nothing was read behind the last one that is named
+TEST(DatasetSource, ManyDamagedFilesKeepNoneFromBeingRead) {
+  ExampleFolders lab;
+  const Path data = lab.root() / "data";
+  std::filesystem::remove(data / "commits.jsonl");
+  for (std::uint64_t index = 1000; index < 1025; ++index) {
+    std::filesystem::create_directories(store::EpisodePath(data, index).parent_path());
+    ASSERT_THAT(WriteFileAtomically(store::EpisodePath(data, index), "not an episode"), IsOk());
+  }
+  DatasetSource source(DataOf(lab));
+  ASSERT_THAT(source.View(), IsOk());
+  while (source.ReadNext()) {
+  }
+  const auto view = source.View().value();
+  EXPECT_EQ(view->known, kEpisodes);
+  EXPECT_EQ(view->info.unreadable, 25u);
+  EXPECT_EQ(view->info.unreadable_files.size(), 20u);
+}
+
 TEST(MarkOdd, FindsTheOneThatTookTooLong) {
   std::vector<EpisodeRow> rows(12);
   for (std::size_t i = 0; i < rows.size(); ++i) {
