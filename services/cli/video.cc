@@ -157,9 +157,10 @@ Result<bool> WriteRollout(const Episode& episode, Overlay* overlay, const Path& 
       ETUDE_RETURN_IF_ERROR(WriteVideo(episode, nullptr, path));
       return true;
     }
-    const auto unanswered = overlay->tally.unanswered;
+    const auto unanswered = overlay->tally.unanswered, others = overlay->tally.other_checkpoint;
     ETUDE_ASSIGN_OR_RETURN(const DecisionInsights insights, AskInsights(episode, overlay->ask, overlay->tally));
-    const bool any = std::ranges::any_of(insights, [](const auto& one) { return one.second.has_value(); });
+    const bool any = overlay->tally.other_checkpoint > others ||
+                     std::ranges::any_of(insights, [](const auto& one) { return one.second.has_value(); });
     // what was not asked to the end, or had no answer at all, would stay without: a later run asks again
     if (StopRequested() || (!any && overlay->tally.unanswered > unanswered)) return false;
     ETUDE_RETURN_IF_ERROR(WriteVideo(episode, &insights, path));

@@ -59,7 +59,9 @@ std::string TakeDecimal(std::string& text, bool is_unsigned) {
   while (end + 1 < text.size() && text[end] == '0' && std::isdigit(static_cast<unsigned char>(text[end + 1])) != 0)
     ++end;
   text.erase(begin, end - begin);
-  return "";
+  const bool whole = text.size() > begin && std::all_of(text.begin() + static_cast<std::ptrdiff_t>(begin), text.end(),
+                                                        [](unsigned char c) { return std::isdigit(c) != 0; });
+  return whole ? "" : fmt::format("{} is no whole number", text);
 }
 
 }  // namespace

@@ -120,24 +120,24 @@ Survey SurveyOf(const std::vector<Recording>& recordings, const language::Gramma
   Survey survey;
   Sha256 hash;
   for (const Recording& recording : recordings) {
+    if (StopRequested()) break;  // who imports says so
     const std::string text = ReadTextFile(recording.folder / "states.json", kMostStates).value_or("");
     hash.Update(recording.name + "\n");
     hash.Update(text);
     const OrderedJson states = ParseBoundedJson(text).value_or(OrderedJson());
-    if (!states.is_array() || states.empty()) continue;
+    if (!states.is_array() || states.empty() || std::ssize(states) > kMaxSteps) continue;
     const OrderedJson& first = states.front();
     const auto task = Word(first, "action_inst"), goal = Word(first, "goal_object");
     if (!task || !goal || !grammar.Check(language::Command{*task, ObjectName(*goal), "", ""})) continue;
     const auto tracked = first.find("objects_to_track");
     if (tracked == first.end() || !tracked->is_object()) continue;
+    std::vector<std::string> names;
+    for (const auto& [theirs, state] : tracked->items())
+      if (theirs != "EE") names.push_back(ObjectName(theirs));
+    if (std::ranges::find(names, ObjectName(*goal)) == names.end()) continue;  // it is refused
     AddOnce(*task, survey.tasks);
-    std::size_t objects = 0;
-    for (const auto& [theirs, state] : tracked->items()) {
-      if (theirs == "EE") continue;
-      AddOnce(ObjectName(theirs), survey.objects);
-      ++objects;
-    }
-    survey.together = std::max(survey.together, objects);
+    for (const auto& name : names) AddOnce(name, survey.objects);
+    survey.together = std::max(survey.together, names.size());
   }
   survey.seed = etude::SeedOf(hash.Finish());
   return survey;

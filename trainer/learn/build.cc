@@ -165,8 +165,8 @@ Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::s
   return {};
 }
 
-// The specs', and what episodes show besides: an import's spec has what its first recording tracked, and relabelled
-// sentences speak of all that stands in a scene.
+// The specs', and what episodes show besides: an earlier import's spec has what its first recording tracked, and
+// relabelled sentences speak of all that stands in a scene.
 std::vector<std::string> ObjectsSaid(const data::Dataset& dataset, const data::Snapshot& snapshot) {
   std::vector<std::string> objects = dataset.objects();
   for (const auto& entry : snapshot.episodes())

@@ -101,14 +101,15 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
   auto moved = MonotonicClock::now();
   std::optional<std::pair<std::string, std::uint32_t>> reached;
   bool spoke = false;  // since it moved
-  // a campaign may be more patient than a host: which attempt has failed must not depend on who made it. Nine tenths,
-  // so that the host's word comes before the collector takes the lease
+  // a campaign may be more patient than a host. Nine tenths, so that the host's word, which says why, comes before the
+  // collector takes the lease
   const auto patience = std::chrono::milliseconds(static_cast<std::int64_t>(900 * joined_->spec.stall_timeout_s));
   const auto stall = std::max(options_.stall, patience);
   const auto hung = [&]() -> std::optional<Loss> {
     if (MonotonicClock::now() - moved < stall) return std::nullopt;
     return End(campaign::kChildHung,
-               fmt::format("SIGKILL after {} s without {}", stall.count() / 1000, spoke ? "progress" : "a word"));
+               fmt::format("SIGKILL after {:g} s without {}", static_cast<double>(stall.count()) / 1000,
+                           spoke ? "progress" : "a word"));
   };
   while (true) {
     if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on

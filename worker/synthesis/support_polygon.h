@@ -20,7 +20,8 @@ struct SupportPolygon {
 };
 
 /// Presses all below a horizontal plane (all but) flat and returns the foot that this makes. The plane is the lowest
-/// whose foot is large enough. The mesh stays closed: its faces keep their neighbours, and a hundredth of their height.
+/// whose foot is large enough; nothing is pressed where what is flat already is nine tenths of that foot, though it be
+/// less than least_half. The mesh stays closed: its faces keep their neighbours, and a hundredth of their height.
 /// @param mesh  m, z up
 SupportPolygon FlattenSupport(assets::Mesh& mesh, const SupportOptions& options = {});
 

@@ -282,6 +282,10 @@ void DatasetSource::ForgetUnreadable() {
   if (gone == 0) return;
   std::erase_if(info_.unreadable_files,
                 [this](const auto& item) ETUDE_REQUIRES(mutex_) { return !unreadable_stamps_.contains(item.first); });
+  // there is room for other names: those that have none are read again
+  std::erase_if(unreadable_stamps_, [this](const auto& item) ETUDE_REQUIRES(mutex_) {
+    return !info_.unreadable_files.contains(item.first);
+  });
   info_.unreadable = unreadable_stamps_.size();
   changed_ = true;
 }

@@ -314,7 +314,7 @@ test('Generation: a campaign that was seen on the bus first goes on under the na
   await open(`/generation?dataset=${name}`, answers, async (page) => {
     await page.waitForSelector('[data-elsewhere]');
     dataset = 'a';
-    await page.waitForURL('**/generation?dataset=a', { timeout: 15000 });
+    await page.waitForURL('**/generation?dataset=a', { timeout: 60000 });
     await page.waitForSelector('[aria-label="Attempts"] [role=row][data-id="3.0"]');
     // what the picker has not heard of yet is not taken for one of those that it has
     assert.equal(await page.locator('.pickers option:checked').textContent(), 'a (not listed)');

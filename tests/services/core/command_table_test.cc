@@ -84,6 +84,8 @@ TEST(ParseCommandLine, NumbersAreDecimal) {
   EXPECT_EQ(zero.count, 0);
   testing::internal::CaptureStderr();
   EXPECT_EQ(Program().Parse({"a.txt", "--count", "010"}), kExitUsage) << "ten is more than nine";
+  EXPECT_EQ(Program().Parse({"a.txt", "--count", "0x5"}), kExitUsage);
+  EXPECT_EQ(Program().Parse({"a.txt", "--count", "-"}), kExitUsage);
   Program large;
   std::uint64_t seed = 0;
   large.app.add_option("--seed", seed, "of all");

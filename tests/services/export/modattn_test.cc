@@ -78,7 +78,6 @@ TEST_F(Modattn, BecomesADatasetThatVerifies) {
   EXPECT_EQ(reader->ReadWhole(1)->details["folder"], "10");
 }
 
-// of one spec they could not be merged, and their good episodes were called damaged
 // before, the spec had pick, push and put_down whatever was recorded, and the first recording's objects
 TEST_F(Modattn, TheSpecHasWhatAllRecordingsSay) {
   for (const char* name : {"0", "1"}) WriteRecording(name);
@@ -94,6 +93,7 @@ TEST_F(Modattn, TheSpecHasWhatAllRecordingsSay) {
   EXPECT_EQ(reader->spec().objects_per_scene, 2);
 }
 
+// of one spec they could not be merged, and their good episodes were called damaged
 TEST_F(Modattn, OtherRecordingsAreOfAnotherSpecAndTheSameOfTheSame) {
   WriteRecording("0");
   ASSERT_THAT(ImportModattn(in_, folder_ / "a", {}), IsOk());

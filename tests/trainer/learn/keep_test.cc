@@ -163,8 +163,8 @@ TEST_F(KeepTest, TheStateIsKeptWhereTheCheckpointCannotBeWritten) {
   EXPECT_EQ(again->checkpoint_step, 0u);
 }
 
-// As of an import, whose spec has what its first recording tracked: before, the first sentence about what a later one
-// shows besides ended the process.
+// As of an earlier import, whose spec has what its first recording tracked: before, the first sentence about what a
+// later one shows besides ended the process.
 TEST_F(KeepTest, SentencesAreAboutAllThatStandsInAScene) {
   const CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
   {
