@@ -186,6 +186,7 @@ test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => 
   await open(pages.evaluation, async (page) => {
     assert.equal(number(await text(page, '[data-figure="successes"]')), file.overall.success.successes);
     assert.equal(await text(page, '[data-seed]'), file.seed);
+    await page.waitForFunction((n) => document.querySelectorAll('[data-scene]').length === n, file.per_episode.length);
     const cells = await page.locator('[data-scene]').evaluateAll((all) => all.map((one) => ({ index: Number(one.dataset.scene), outcome: one.dataset.outcome })));
     assert.equal(cells.length, file.per_episode.length);
     const failed = file.per_episode.filter((one) => !one.success).length;

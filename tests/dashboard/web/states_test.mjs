@@ -429,6 +429,7 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
   };
   await open('/generation?dataset=a', answers, async (page) => {
     await page.getByRole('button', { name: 'Pause' }).click();
+    await page.waitForSelector('dialog[open]');
     await page.keyboard.press('g');
     await page.keyboard.press('l');
     await page.getByRole('button', { name: 'Run it' }).click();
