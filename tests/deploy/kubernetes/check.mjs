@@ -5,23 +5,12 @@
 //   npm ci && npm test
 import assert from "node:assert/strict";
 import {spawnSync} from "node:child_process";
-import {existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync} from "node:fs";
+import {existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from "node:fs";
 import {tmpdir} from "node:os";
 import {dirname, join} from "node:path";
 import {fileURLToPath} from "node:url";
 import ts from "typescript";
-import {parseAllDocuments} from "yaml";
-
-const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
-const folder = join(root, "deploy/kubernetes");
-const files = readdirSync(folder).filter((name) => name.endsWith(".yaml") && name !== "kustomization.yaml");
-
-const resources = [];
-for (const file of files)
-  for (const document of parseAllDocuments(readFileSync(join(folder, file), "utf8"), {version: "1.2"})) {
-    assert.deepEqual(document.errors, [], file);
-    resources.push({file, ...document.toJS()});
-  }
+import {files, find, kustomization, resources, root, workloads} from "./manifests.mjs";
 
 const modulePath = ({apiVersion}) => `kubernetes-models/${apiVersion}`;
 
@@ -60,21 +49,19 @@ async function validatorWorks() {
   assert.match(typeErrors([misspelt]).join(), /port.' does not exist/);
 }
 
-const named = (kind, name) => resources.some((r) => r.kind === kind && r.metadata.name === name);
-
 function checkPods({file, kind, metadata, spec}) {
   const where = `${file}: ${kind} ${metadata.name}`;
   const pod = spec.template.spec;
   const labels = spec.template.metadata.labels;
   for (const [key, value] of Object.entries(spec.selector.matchLabels)) assert.equal(labels[key], value, where);
   assert.equal(labels["app.kubernetes.io/part-of"], "etude", where);
-  if (kind === "StatefulSet") assert.ok(named("Service", spec.serviceName), where);
+  if (kind === "StatefulSet") assert.ok(find("Service", spec.serviceName), where);
   assert.equal(pod.securityContext.runAsNonRoot, true, where);
   assert.equal(pod.securityContext.seccompProfile.type, "RuntimeDefault", where);
   const volumes = new Set(pod.volumes.map((volume) => volume.name));
   for (const volume of pod.volumes) {
-    if (volume.configMap) assert.ok(named("ConfigMap", volume.configMap.name), where);
-    if (volume.persistentVolumeClaim) assert.ok(named("PersistentVolumeClaim", volume.persistentVolumeClaim.claimName), where);
+    if (volume.configMap) assert.ok(find("ConfigMap", volume.configMap.name), where);
+    if (volume.persistentVolumeClaim) assert.ok(find("PersistentVolumeClaim", volume.persistentVolumeClaim.claimName), where);
   }
   // a container that is started again must ask for the hubs again, which init containers would not
   assert.ok(!pod.initContainers, where);
@@ -99,7 +86,7 @@ function checkPods({file, kind, metadata, spec}) {
 // ones by being started again.
 function scriptsFollowHubs() {
   const place = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
-  const scripts = resources.find((r) => r.kind === "ConfigMap" && r.metadata.name === "etude-bus").data;
+  const scripts = find("ConfigMap", "etude-bus").data;
   for (const [name, text] of Object.entries(scripts)) writeFileSync(join(place, name), text.replaceAll("/run/etude", place));
   const program = (name, text) => writeFileSync(join(place, name), `#!/bin/sh\n${text}\n`, {mode: 0o755});
   program("getent", `cat "${place}/dns"; [ -s "${place}/dns" ]`);
@@ -139,11 +126,8 @@ await validatorWorks();
 scriptsFollowHubs();
 for (const resource of resources) await validate(resource);
 assert.deepEqual(typeErrors(resources), []);
-const workloads = resources.filter((r) => ["Deployment", "StatefulSet"].includes(r.kind));
 assert.equal(workloads.length, 5);
 workloads.forEach(checkPods);
-const hubs = resources.find((r) => r.kind === "Service" && r.metadata.name === "etude-hubs");
-assert.equal(hubs.spec.clusterIP, "None");
-const listed = parseAllDocuments(readFileSync(join(folder, "kustomization.yaml"), "utf8"))[0].toJS().resources;
-assert.deepEqual([...listed].sort(), [...files].sort(), "kustomization.yaml lists every file");
+assert.equal(find("Service", "etude-hubs").spec.clusterIP, "None");
+assert.deepEqual([...kustomization.resources].sort(), [...files].sort(), "kustomization.yaml lists every file");
 console.log(`${resources.length} resources in ${files.length} files fit Kubernetes' API`);

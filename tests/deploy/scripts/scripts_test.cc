@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// deploy/install, deploy/quickstart and deploy/slurm/etude.sbatch as they are, with stand-ins for the programs that
-// they call.
+// deploy/install, deploy/quickstart, deploy/slurm/etude.sbatch and deploy/container/build as they are, with stand-ins
+// for the programs that they call.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -172,6 +172,63 @@ TEST_F(SlurmScript, SaysHowItIsCalled) {
   const auto half = Submit("spec.yaml");
   EXPECT_EQ(half.code, 2);
   EXPECT_THAT(half.text, HasSubstr("sbatch --nodes 8"));
+}
+
+// of a tarball, or of another user's checkout, git lists nothing, and all of nothing had run well
+TEST_F(Scripts, WithoutPagesTheDocumentationIsNotFine) {
+  EXPECT_EQ(Run("GIT_DIR=/nonexistent tests/docs/run --list").code, 3);
+}
+
+// two of them took each other's workers and campaigns
+TEST_F(Scripts, OneSuiteAtATimeOnAMachine) {
+  if (RunInShell("flock -n -E 75 /proc/self/ns/net true; code=$?; [ $code = 0 ] || [ $code = 75 ]").code != 0)
+    GTEST_SKIP() << "a network namespace cannot be locked here";
+  ASSERT_THAT(MakeFolders(folder_ / "tree/tests"), IsOk());
+  std::filesystem::copy_file("tests/run", folder_ / "tree/tests/run");
+  StandIn("tree/deploy/install", "echo begun; exit 7");
+  // held by the suite that this is of, or by this shell
+  const auto waits =
+      Run("exec 9</proc/self/ns/net; flock -n 9; cd '" + In("tree") + "' && ETUDE_SUITE= timeout 2 tests/run unit");
+  EXPECT_EQ(waits.code, 124);
+  EXPECT_THAT(waits.text, HasSubstr("waits for another suite"));
+  EXPECT_THAT(waits.text, Not(HasSubstr("begun")));
+  EXPECT_EQ(Run("cd '" + In("tree") + "' && ETUDE_SUITE=1 tests/run unit").code, 7);
+}
+
+// Who makes the image is a stand-in, and says how it is called.
+class ContainerScript : public Scripts {
+ protected:
+  void SetUp() override {
+    StandIn("bin/dpkg-deb", "echo 0.1.0");
+    ASSERT_THAT(WriteFileAtomically(folder_ / "x.deb", std::string_view("x")), IsOk());
+  }
+  auto Build(const std::string& settings) { return Run(settings + " deploy/container/build " + In("x.deb")); }
+};
+
+// an empty one stayed, and was what the image of the next try was made of
+TEST_F(ContainerScript, ABaseThatFailedIsNotKept) {
+  StandIn("bin/podman", "echo podman \"$@\"");
+  StandIn("bin/mmdebstrap", "for last; do :; done; : >\"$last\"; exit 1");
+  EXPECT_EQ(Build("ETUDE_BASE_TAR=" + In("base.tar")).code, 1);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "base.tar"));
+  StandIn("bin/mmdebstrap", "for last; do :; done; echo whole >\"$last\"");
+  const auto made = Build("ETUDE_BASE_TAR=" + In("base.tar"));
+  EXPECT_EQ(made.code, 0) << made.text;
+  EXPECT_THAT(made.text, EndsWith("etude:0.1.0\n"));
+  EXPECT_EQ(ReadTextFile(folder_ / "base.tar").value_or(""), "whole\n");
+}
+
+// its `oci` gave an ordinary user no network, and so no packages
+TEST_F(ContainerScript, HowBuildahIsolatesIsItsOwnChoice) {
+  StandIn("bin/buildah", "echo buildah \"$@\"");
+  StandIn("bin/mmdebstrap", "for last; do :; done; echo whole >\"$last\"");
+  for (const char* tool : {"bash", "dirname", "mktemp", "cp", "mv", "rm"})
+    std::filesystem::create_symlink(std::string("/usr/bin/") + tool, folder_ / "bin" / tool);
+  // no podman, wherever the system has one
+  const auto made = RunInShell("PATH=" + In("bin") + " deploy/container/build " + In("x.deb") + " 2>&1");
+  EXPECT_EQ(made.code, 0) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("buildah build --tag etude:0.1.0"));
+  EXPECT_THAT(made.text, Not(HasSubstr("--isolation")));
 }
 
 }  // namespace scripts_test

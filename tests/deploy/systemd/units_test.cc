@@ -15,6 +15,7 @@
 namespace etude {
 namespace units_test {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -69,6 +70,25 @@ TEST_F(UnitsTest, AreHardened) {
                                    (folder_ / name).string() + "' 2>&1");
     EXPECT_EQ(output.code, 0) << name << "\n" << output.text;
   }
+}
+
+// `--resume` beside `--init` is refused, and the service stayed down after its first restart
+TEST_F(UnitsTest, HowARunBeginsIsNotSaidWhenItGoesOn) {
+  std::string script = units_["etude-trainer.service"];
+  const std::string begin = "ExecStart=/bin/sh -c '";
+  script.erase(0, script.find(begin) + begin.size());
+  script.resize(script.find("'\n"));
+  script = With(With(script, "exec ", "echo "), "$$", "$");
+  const std::string run = (folder_ / "run").string();
+  const auto start = [&] {
+    return RunInShell("ETUDE_TRAINER_RUN='" + run + "' ETUDE_TRAINER_BEGIN='--init f' ETUDE_TRAINER=--follow sh -c '" +
+                      script + "'")
+        .text;
+  };
+  EXPECT_THAT(start(), AllOf(HasSubstr("--follow --init f"), Not(HasSubstr("--resume"))));
+  ASSERT_THAT(MakeFolders(run), IsOk());
+  ASSERT_THAT(WriteFileAtomically(Path(run) / "training_state.safetensors", std::string_view("x")), IsOk());
+  EXPECT_THAT(start(), AllOf(HasSubstr("--follow --resume"), Not(HasSubstr("--init"))));
 }
 
 TEST_F(UnitsTest, EachIsWatched) {
