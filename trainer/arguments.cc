@@ -114,15 +114,8 @@ Status Complete(const CLI::App& app, int argc, const char* const* argv, Argument
   return {};
 }
 
-Path ExecutablePath() {
-  std::error_code error;
-  const Path path = std::filesystem::read_symlink("/proc/self/exe", error);
-  return error ? Path("bin/etude-trainer") : path;
-}
-
 Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
-  const char* share = std::getenv("ETUDE_SHARE");
-  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments(share ? share : "", ExecutablePath()));
+  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments());
   // a run that resumes is what it was, unless told otherwise
   const Path saved = Path(arguments.out) / "config.yaml";
   std::string source = arguments.config.empty() ? "compact" : arguments.config;

@@ -53,7 +53,4 @@ Result<learn::RanksOptions> ReadRanks(const Arguments& arguments);
 /// them all.
 int ReplicasOfRank(const Arguments& arguments);
 
-/// This program's file.
-Path ExecutablePath();
-
 }  // namespace etude

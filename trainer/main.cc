@@ -18,6 +18,7 @@
 #include "services/core/file_lock.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
+#include "services/core/share.h"
 #include "services/core/stop.h"
 #include "services/core/stop_reason.h"
 #include "trainer/arguments.h"
@@ -173,7 +174,7 @@ Status JoinRanks(const Arguments& arguments, const torch::Device& device, Togeth
   options.watch = [&together] { return together.local.Check(); };
   ETUDE_ASSIGN_OR_RETURN(const auto meeting, learn::Meeting::Open(options));
   if (arguments.rank < 0) {
-    std::vector<std::string> argv{ExecutablePath().string()};
+    std::vector<std::string> argv{ProgramFile().string()};
     argv.insert(argv.end(), arguments.words.begin(), arguments.words.end());
     ETUDE_ASSIGN_OR_RETURN(
         together.local,

@@ -13,7 +13,6 @@
 #include "dashboard/server/http/server.h"
 #include "dashboard/server/http/static_files.h"
 #include "dashboard/server/live/policy_looker.h"
-#include "services/campaign/process.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -59,7 +58,7 @@ Result<std::string> ReadToken(const Path& file) {
 Path FindPages() {
   std::error_code ignored;
   const Path built = "dashboard/web/dist";
-  for (Path folder = campaign::ProgramFolder(); folder != folder.parent_path(); folder = folder.parent_path())
+  for (Path folder = ProgramFolder(); folder != folder.parent_path(); folder = folder.parent_path())
     if (std::filesystem::is_regular_file(folder / built / "index.html", ignored)) return folder / built;
   return FindShared("web").value_or(built);
 }
@@ -71,12 +70,20 @@ Path CacheFolder() {
   return {};
 }
 
+// "Lab-7:8080", as it stands in a browser, is known as "lab-7". @error kInvalidArgument
+Result<std::string> KnownName(const std::string& host) {
+  const bool bare_six = std::ranges::count(host, ':') > 1 && !host.starts_with('[');
+  std::string name = http::HostName(bare_six ? "[" + host + "]" : host);
+  if (!name.empty()) return name;
+  return Fail(Code::kInvalidArgument, fmt::format("--host {}: not the name of a host, such as lab-7", host));
+}
+
 Result<http::SecurityConfig> SecurityOf(const GatewayOptions& options) {
   http::SecurityConfig config;
   config.reads_need_token = !IsLoopback(options.address);
-  for (auto host : options.hosts) {
-    std::ranges::transform(host, host.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    config.hosts.push_back(std::move(host));
+  for (const auto& host : options.hosts) {
+    ETUDE_ASSIGN_OR_RETURN(std::string name, KnownName(host));
+    config.hosts.push_back(std::move(name));
   }
   ETUDE_ASSIGN_OR_RETURN(config.token, ReadToken(options.token_file));
   if (config.reads_need_token && config.token.empty())

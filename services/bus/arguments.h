@@ -74,6 +74,13 @@ struct Arguments {
     if (log != "text") flags.insert(flags.end(), {"--log", log});
     return flags;
   }
+  /// What a command that is shown has to say to meet this process: " --domain 7 --security fleet/me"; "" where nothing.
+  std::string Words() const {
+    std::string words = domain == 0 ? "" : " --domain " + std::to_string(domain);
+    if (!profile.empty()) words += " --profile " + profile;
+    if (!security.empty()) words += " --security " + security;
+    return words;
+  }
   std::map<std::string, std::string> Environment() const {
     if (profile.empty()) return {};
     return {{"CYCLONEDDS_URI", profile}};

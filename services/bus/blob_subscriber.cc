@@ -67,6 +67,7 @@ struct BlobSubscriber::Impl {
   std::map<std::string, std::uint64_t, std::less<>> returned;  // newest version of each channel
   std::map<std::string, PublishedBlob> ready, undecided;       // by channel; undecided: `accept` could not judge it yet
   std::map<std::string, std::uint64_t> told;                   // newest undecided version that was logged, by channel
+  Clock::time_point judge_again = {};                          // of the undecided
   std::map<dds_instance_handle_t, std::pair<std::string, std::uint64_t>> offered;  // channel, version; of who is there
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
@@ -260,11 +261,13 @@ void BlobSubscriber::Impl::Judge(PublishedBlob blob) {
     Log().warn("published blob waits, it is judged again and again channel={} version={}: {}", name, blob.version,
                judged.error().message);
   known->second = std::max(known->second, blob.version);
+  if (undecided.empty()) judge_again = Clock::now() + kJudgeAgain;
   auto& kept = undecided[name];
   if (kept.version <= blob.version) kept = std::move(blob);
 }
 
 void BlobSubscriber::Impl::JudgeUndecided() {
+  if (Clock::now() < judge_again) return;
   for (auto& [name, blob] : std::exchange(undecided, {}))
     if (IsNews(name, blob.version)) Judge(std::move(blob));
 }

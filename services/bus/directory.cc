@@ -284,7 +284,7 @@ tl::unexpected<Error> IsLive(const Presence& own, const std::vector<Presence>& o
         fmt::format("{} '{}': {} of it, in '{}', has episodes that are leased elsewhere on domain {}:{}\nA shard "
                     "has one collector and one folder, and all shards one count: give this one the number that "
                     "is missing, or end the other by --adopt (one that was killed disappears by itself within "
-                    "10 s)",
+                    "10 s). Is it somebody else's? Give yours another name: --set name=NAME",
                     ToString(own.kind), own.name, ShardText(own), own.folder, domain, ListText(others)));
   return Fail(
       Code::kUnavailable,

@@ -70,25 +70,6 @@ std::optional<OwnSocket> DescribeSocket(int fd) {
                    BufferOf(fd, SO_SNDBUF)};
 }
 
-// Names of the interfaces on which the discovery group was joined. /proc/net/igmp has groups below the line of their
-// interface, as hexadecimal in the byte order of the machine's network addresses.
-std::set<std::string> DiscoveringInterfaces() {
-  const std::string group = fmt::format("{:08X}", htonl(kDiscoveryGroup));
-  std::ifstream file("/proc/net/igmp");
-  std::set<std::string> found;
-  std::string interface;
-  for (std::string line; std::getline(file, line);) {
-    std::istringstream words(line);
-    std::string first, second;
-    words >> first >> second;
-    if (!line.empty() && line[0] != '\t' && line[0] != ' ')
-      interface = second;
-    else if (first == group)
-      found.insert(interface);
-  }
-  return found;
-}
-
 }  // namespace
 
 Result<std::vector<NetworkPeer>> Peers(const Participant& participant) {
@@ -153,14 +134,32 @@ std::vector<OwnSocket> OwnUdpSockets() {
   return sockets;
 }
 
+std::set<std::string> ListeningInterfaces(std::istream& igmp, const std::string& group) {
+  std::set<std::string> found;
+  std::string interface;
+  for (std::string line; std::getline(igmp, line);) {
+    std::istringstream words(line);
+    std::string first, second;
+    words >> first >> second;
+    if (!line.empty() && line[0] != '\t' && line[0] != ' ')
+      interface = second.substr(0, second.find(':'));  // a long name leaves no space before it
+    else if (first == group)
+      found.insert(interface);
+  }
+  return found;
+}
+
 std::vector<NetworkInterface> Interfaces() {
   std::vector<NetworkInterface> found;
   ifaddrs* all = nullptr;
   if (::getifaddrs(&all) != 0) return found;
   const Descriptor any(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  const auto discovering = DiscoveringInterfaces();
+  std::ifstream igmp("/proc/net/igmp");
+  // in the byte order of the machine's network addresses
+  const auto discovering = ListeningInterfaces(igmp, fmt::format("{:08X}", htonl(kDiscoveryGroup)));
   for (const ifaddrs* item = all; item != nullptr; item = item->ifa_next) {
     if (item->ifa_addr == nullptr || item->ifa_addr->sa_family != AF_INET || !(item->ifa_flags & IFF_UP)) continue;
+    const std::string label = item->ifa_name;  // of a second address "eth0:1"
     ifreq request{};
     std::strncpy(request.ifr_name, item->ifa_name, sizeof request.ifr_name - 1);
     const bool has_mtu = ::ioctl(any.get(), SIOCGIFMTU, &request) == 0;
@@ -169,7 +168,7 @@ std::vector<NetworkInterface> Interfaces() {
                      .mtu = has_mtu ? request.ifr_mtu : 0,
                      .loopback = (item->ifa_flags & IFF_LOOPBACK) != 0,
                      .multicast = (item->ifa_flags & IFF_MULTICAST) != 0,
-                     .discovery = discovering.contains(item->ifa_name)});
+                     .discovery = discovering.contains(label.substr(0, label.find(':')))});
   }
   ::freeifaddrs(all);
   return found;

@@ -5,7 +5,9 @@
 
 #include <chrono>
 #include <cstdint>
+#include <iosfwd>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -53,6 +55,9 @@ struct NetworkInterface {
   bool discovery = false;  ///< somebody on this host listens there for peers by multicast (239.255.0.1)
 };
 std::vector<NetworkInterface> Interfaces();
+/// Of the text of /proc/net/igmp the interfaces that listen to `group`, which it has below the line of its interface as
+/// hexadecimal: "0100FFEF".
+std::set<std::string> ListeningInterfaces(std::istream& igmp, const std::string& group);
 
 /// What a socket's receive buffer should be able to hold, bytes: the profiles in deploy/dds ask for it.
 inline constexpr std::uint64_t kWantedReceiveBuffer = 4u << 20;

@@ -96,8 +96,6 @@ Status RememberShard(const Path& folder, const std::string& shard) { return Reme
 
 Status RememberStop(const Path& folder) { return Remember(folder, kEnded, "stopped"); }
 
-bool KnownStopped(const Path& folder) { return Known(folder, kEnded) == "stopped"; }
-
 Status DropForgottenCount(const Path& folder) {
   return Known(folder, kForgotten) ? Remember(folder, kForgotten, "0") : Status();
 }

@@ -37,10 +37,10 @@ std::optional<std::string> KnownShard(const Path& folder);
 /// @error as RememberFiles
 Status RememberShard(const Path& folder, const std::string& shard);
 
-/// That the last collector of the folder was stopped before all was done; forgotten with the next epoch.
+/// That the last collector of the folder was stopped before all was done; forgotten with the next epoch; the dashboard
+/// reads it from collector.json ("ended": "stopped").
 /// @error as RememberFiles
 Status RememberStop(const Path& folder);
-bool KnownStopped(const Path& folder);
 
 /// An older program let the lines of failures stand that count no more, and kept their number (now they are set aside,
 /// store::DatasetWriter::ForgetFailures). Call it once the file has begun anew. @error as RememberFiles

@@ -21,6 +21,7 @@
 #include "services/core/clock.h"
 #include "services/core/descriptor.h"
 #include "services/core/service_manager.h"
+#include "services/core/share.h"
 
 extern char** environ;
 
@@ -197,12 +198,6 @@ bool Crashed(int exit_code) {
 }
 
 int HopelessDeaths(int children) { return std::max(6, 3 * children); }
-
-Path ProgramFolder() {
-  std::error_code error;
-  const Path self = std::filesystem::read_symlink("/proc/self/exe", error);
-  return error ? Path(".") : self.parent_path();
-}
 
 Result<Path> FindSibling(const std::string& name) {
   const Path path = ProgramFolder() / name;

@@ -63,9 +63,7 @@ bool Crashed(int exit_code);
 /// Deaths of `children` of a kind without one result after which it is given up to start them again.
 int HopelessDeaths(int children);
 
-/// The folder of this program; its siblings (etude-worker, ...) lie beside it.
-Path ProgramFolder();
-/// FOLDER/name. @error kUnavailable when it is not there or not executable; says how to build it.
+/// NAME beside this program. @error kUnavailable when it is not there or not executable; says how to build it.
 Result<Path> FindSibling(const std::string& name);
 
 }  // namespace etude::campaign

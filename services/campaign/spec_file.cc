@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "services/core/clock.h"
+#include "services/core/share.h"
 #include "services/spec/object_names.h"
 #include "services/store/dataset.h"
 
@@ -36,7 +37,8 @@ Result<CampaignSpec> LoadSpec(const SpecArguments& arguments) {
   if (!spec) {
     // a campaign file that is not there is a wrong argument
     if (spec.error().code == Code::kNotFound)
-      return Fail(Code::kInvalidArgument, spec.error().message + "; campaign files are in deploy/campaigns/");
+      return Fail(Code::kInvalidArgument, fmt::format("{}; campaign files are in {}", spec.error().message,
+                                                      FindShared("campaigns").value_or("deploy/campaigns").string()));
     return Fail(spec.error());
   }
   ETUDE_ASSIGN_OR_RETURN(spec->objects, ExpandObjects(spec->objects));

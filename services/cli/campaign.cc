@@ -180,8 +180,8 @@ Status SendControl(const CampaignArguments& arguments, const Control& control) {
   }
   const std::string& name = found.front().name;
   if (waits)
-    fmt::print("go on with: etude campaign resume {}\n",
-               Printable(found.size() > 1 ? name : name + "@" + found.front().id));
+    fmt::print("go on with: etude campaign resume {}{}\n",
+               Printable(found.size() > 1 ? name : name + "@" + found.front().id), arguments.bus.Words());
   return ended;
 }
 

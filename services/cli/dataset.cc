@@ -34,6 +34,7 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
   if (as_json) {
     OrderedJson json{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}};
     if (!report.moved) json["not_moved"] = report.moved.error().message;
+    if (!report.refreshed) json["not_refreshed"] = report.refreshed.error().message;
     fmt::print("{}\n", JsonText(json, 1));
   } else {
     for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
@@ -41,6 +42,7 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
     fmt::print("{} good, {} bad, {} could not be read\n", report.good, report.bad.size(), report.unread.size());
   }
   ETUDE_RETURN_IF_ERROR(report.moved);
+  ETUDE_RETURN_IF_ERROR(report.refreshed);
   if (report.bad.empty() && report.unread.empty()) return {};
   if (report.bad.empty())
     return Fail(Code::kUnavailable,

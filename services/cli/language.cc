@@ -7,6 +7,7 @@
 #include "services/core/config.h"
 #include "services/language/grammar.h"
 #include "services/language/held_out.h"
+#include "services/spec/object_names.h"
 
 namespace etude::cli {
 namespace {
@@ -40,8 +41,11 @@ OrderedJson ToJson(const std::vector<WordRow>& rows) {
 }
 
 Status HeldOut(const HeldOutArguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(arguments.objects, arguments.tasks));
-  ETUDE_ASSIGN_OR_RETURN(const auto seen, language::SeenWords(grammar, arguments.tasks, arguments.objects));
+  ETUDE_ASSIGN_OR_RETURN(const auto expanded, ExpandObjects(arguments.objects));
+  for (const auto& object : expanded) ETUDE_RETURN_IF_ERROR(CheckObjectName(object));
+  const std::vector<std::string> objects = SceneNames(expanded);
+  ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(objects, arguments.tasks));
+  ETUDE_ASSIGN_OR_RETURN(const auto seen, language::SeenWords(grammar, arguments.tasks, objects));
   std::vector<WordRow> sentences, phrases;
   for (const auto& held_out : language::HeldOutSentences())
     sentences.push_back(

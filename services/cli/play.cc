@@ -338,13 +338,13 @@ Status SayAll(const bus::Participant& participant, play::Client& client, PlayArg
 }
 
 // A second session of one name would hear the first one's commands, and be taken for it.
-Status CheckFree(play::Client& client, const std::string& session) {
-  const auto found = client.Find(session, kAppears);
+Status CheckFree(play::Client& client, const PlayArguments& arguments) {
+  const auto found = client.Find(arguments.session, kAppears);
   if (!found) return {};
   return Fail(Code::kInvalidArgument,
               fmt::format("--session '{}': it is open already, on {}; talk to it with `etude play "
-                          "say {} ...`, or give another name",
-                          session, found->host, session));
+                          "say {}{} ...`, or give another name",
+                          arguments.session, found->host, arguments.session, arguments.bus.Words()));
 }
 
 Status Open(PlayArguments arguments) {
@@ -354,7 +354,7 @@ Status Open(PlayArguments arguments) {
     return Fail(Code::kInvalidArgument, "open a play session: give either --run or --checkpoint");
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
-  if (named) ETUDE_RETURN_IF_ERROR(CheckFree(client, arguments.session));
+  if (named) ETUDE_RETURN_IF_ERROR(CheckFree(client, arguments));
   Children children;
   std::string run = arguments.run;
   ETUDE_RETURN_IF_ERROR(StartPolicy(arguments, run, children));
@@ -368,8 +368,7 @@ Status Open(PlayArguments arguments) {
     fmt::print("{}\n", JsonText(opened, 1));
     std::fflush(stdout);
   } else if (arguments.sentences.empty()) {
-    fmt::print("talk to it with: etude play say {} --domain {} 'push the red can'\n", arguments.session,
-               participant.domain());
+    fmt::print("talk to it with: etude play say {}{} 'push the red can'\n", arguments.session, arguments.bus.Words());
     std::fflush(stdout);
   }
   const Status done = SayAll(participant, client, arguments, opened["sentences"]);

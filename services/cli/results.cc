@@ -130,7 +130,7 @@ class Maker {
   }
 
   Status Run(const std::string& what, Words words) {
-    Words argv{(campaign::ProgramFolder() / "etude").string()};
+    Words argv{(ProgramFolder() / "etude").string()};
     argv.insert(argv.end(), words.begin(), words.end());
     argv.insert(argv.end(), {"--domain", std::to_string(arguments_.domain)});
     const Path log = out_ / "logs" / (what + ".log");
@@ -349,8 +349,16 @@ Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config)
   return {};
 }
 
+// Those that come with the programs, wherever one stands.
+Path RowsOf(const ResultsArguments& arguments) {
+  std::error_code ignored;
+  if (arguments.file != ResultsArguments().file || fs::exists(arguments.file, ignored)) return arguments.file;
+  const auto docs = FindShared("docs");
+  return docs ? *docs / "results.yaml" : Path(arguments.file);
+}
+
 Status Results(const ResultsArguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadResults(arguments.file));
+  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadResults(RowsOf(arguments)));
   ETUDE_RETURN_IF_ERROR(CheckRows(arguments, config));
   Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
   if (table.record_file() == table.file)

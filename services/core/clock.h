@@ -3,18 +3,11 @@
 #pragma once
 
 #include <chrono>
-#include <cstdint>
 #include <string>
 
 namespace etude {
 
 using MonotonicClock = std::chrono::steady_clock;
-
-/// Nanoseconds of the monotonic clock (meaningful within one host only).
-inline std::uint64_t MonotonicNs() {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(MonotonicClock::now().time_since_epoch()).count());
-}
 
 /// `timeout` from now, at most the end of time: for timeouts such as std::chrono::nanoseconds::max().
 inline MonotonicClock::time_point Deadline(std::chrono::nanoseconds timeout) {

@@ -79,6 +79,9 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
     case EAGAIN:
     case ESTALE:  // a network file system's server came back
     case ETIMEDOUT:
+    case ENOTCONN:      // whoever serves a file system of FUSE has gone
+    case ECONNABORTED:  // ... while it was asked
+    case EHOSTDOWN:
       code = Code::kUnavailable;
       break;
     default:
@@ -142,6 +145,9 @@ Result<std::optional<std::string>> ReadTextFileIfThere(const Path& path, std::ui
 Status MakeFolders(const Path& folder) {
   std::error_code error;
   if (folder.empty() || std::filesystem::is_directory(folder, error)) return {};
+  // what cannot be asked (a file system that is away) is not to be made: mkdir would say that it exists
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+    return Fail(ErrnoError("look for folder", folder, error.value()));
   if (!folder.has_filename()) return MakeFolders(folder.parent_path());  // "a/" is "a"
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder.parent_path()));
   std::filesystem::create_directory(folder, error);

@@ -43,6 +43,9 @@ Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover) {
   if (fs::exists(place, error) && !(fs::is_directory(place, error) && fs::is_empty(place, error)))
     return Fail(Code::kInvalidArgument,
                 fmt::format("'{}' is there already; name another place, nothing is written over", place.string()));
+  if (fs::is_symlink(place, error))  // Plain follows those that lead somewhere
+    return Fail(Code::kInvalidArgument, fmt::format("'{}' is a link to '{}', where nothing is: name that place itself",
+                                                    place.string(), fs::read_symlink(place, error).string()));
   if (IsMountPoint(place))
     return Fail(Code::kInvalidArgument,
                 fmt::format("a disk is mounted at '{}', over which nothing can be renamed: name a folder in it",

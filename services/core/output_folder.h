@@ -20,9 +20,9 @@ enum class Made : std::uint8_t { kFile, kFolder };
 
 /// Where to make `out` until it is whole: OUT.partial beside it, or beside what OUT is a link to. Its parent folders
 /// are made.
-/// @error kInvalidArgument: OUT is there and not an empty folder, which only a folder may take the place of, a disk is
-/// mounted there, it names a folder where a file is made, or OUT.partial is there and `leftover` refuses; kUnavailable
-/// of the disk
+/// @error kInvalidArgument: OUT is there and not an empty folder, which only a folder may take the place of, it is a
+/// link that leads nowhere, a disk is mounted there, it names a folder where a file is made, or OUT.partial is there
+/// and `leftover` refuses; kUnavailable of the disk
 Result<Path> ClaimOutput(const Path& out, Made made, Leftover leftover);
 /// Gives what was made its own name; durable when it returns, if its content is. @error kUnavailable of the disk
 Status CommitOutput(const Path& partial, const Path& out);

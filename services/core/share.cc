@@ -7,6 +7,14 @@
 
 namespace etude {
 
+Path ProgramFile() {
+  std::error_code error;
+  Path file = std::filesystem::read_symlink("/proc/self/exe", error);
+  return error ? Path("etude") : file;
+}
+
+Path ProgramFolder() { return ProgramFile().parent_path(); }
+
 Result<Path> FindShared(const std::string& name, const std::string& share, const Path& program) {
   std::error_code ignored;
   if (!share.empty()) {
@@ -26,9 +34,7 @@ Result<Path> FindShared(const std::string& name, const std::string& share, const
 
 Result<Path> FindShared(const std::string& name) {
   const char* share = std::getenv("ETUDE_SHARE");
-  std::error_code error;
-  const Path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  return FindShared(name, share ? share : "", error ? Path("bin/etude") : program);
+  return FindShared(name, share ? share : "", ProgramFile());
 }
 
 }  // namespace etude

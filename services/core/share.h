@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that come with the programs: tasks, robots, objects.
+// The programs, and the files that come with them: tasks, robots, objects.
 #pragma once
 
 #include <string>
@@ -8,6 +8,11 @@
 #include "services/core/result.h"
 
 namespace etude {
+
+/// The file of the running program.
+Path ProgramFile();
+/// Its folder; its siblings (etude-worker, ...) lie beside it.
+Path ProgramFolder();
 
 /// The folder NAME of what comes with the programs: $ETUDE_SHARE/NAME when that variable is set; else the nearest
 /// deploy/NAME (a source tree) or share/etude/NAME (an installation) above the running program.

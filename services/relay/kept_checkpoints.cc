@@ -27,7 +27,7 @@ constexpr std::uint64_t kLargestMetadata = 1u << 20;
 
 /// What kept.json says.
 struct Record {
-  bus::Owner run;
+  KeptOwner run;
   std::map<std::string, Kept> channels;
 };
 
@@ -51,7 +51,8 @@ std::optional<Record> RecordOf(const OrderedJson& json) {
   if (!json.is_object() || !HasText(json, "run") || !HasText(json, "run_id") || !json.contains("channels") ||
       !json["channels"].is_object())
     return std::nullopt;
-  Record record{{json["run"].get<std::string>(), json["run_id"].get<std::string>()}, {}};
+  const std::string user = HasText(json, "user") ? json["user"].get<std::string>() : "";
+  Record record{{{json["run"].get<std::string>(), json["run_id"].get<std::string>()}, user}, {}};
   if (!IsPlainName(record.run.name) || !IsId(record.run.id)) return std::nullopt;
   for (const auto& [channel, entry] : json["channels"].items()) {
     auto kept = KeptOf(entry);
@@ -84,18 +85,20 @@ Result<std::vector<std::uint8_t>> ReadVerified(const Path& file, const Kept& kep
 
 }  // namespace
 
-Result<std::optional<bus::Owner>> KeptRun(const Path& folder) {
+Result<std::optional<KeptOwner>> KeptRun(const Path& folder) {
   ETUDE_ASSIGN_OR_RETURN(const auto record, ReadRecord(folder));
   return record ? std::optional(record->run) : std::nullopt;
 }
 
-Result<KeptCheckpoints> KeptCheckpoints::Open(const Path& folder, const bus::Owner& run) {
+Result<KeptCheckpoints> KeptCheckpoints::Open(const Path& folder, const bus::Owner& run, const std::string& user) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
   ETUDE_ASSIGN_OR_RETURN(auto lock,
                          FileLock::Take(folder / kLock, fmt::format("relay folder '{}' is used", folder.string())));
   ETUDE_ASSIGN_OR_RETURN(auto record, ReadRecord(folder));
   KeptCheckpoints kept(folder, run, std::move(lock));
+  kept.user_ = user;
   if (!record || record->run.id != run.id) return kept;
+  if (user.empty()) kept.user_ = record->run.user;
   kept.channels_ = std::move(record->channels);
   for (auto& [channel, one] : kept.channels_) {
     if (const auto bytes = ReadVerified(folder / one.file, one); !bytes) {
@@ -145,7 +148,7 @@ Status KeptCheckpoints::WriteRecord(const std::map<std::string, Kept>& channels)
   OrderedJson list = OrderedJson::object();
   for (const auto& [channel, kept] : channels)
     list[channel] = {{"version", kept.version}, {"sha256", kept.sha256}, {"meta_json", kept.meta_json}};
-  const OrderedJson json{{"run", run_.name}, {"run_id", run_.id}, {"channels", std::move(list)}};
+  const OrderedJson json{{"run", run_.name}, {"run_id", run_.id}, {"user", user_}, {"channels", std::move(list)}};
   return WriteFileAtomically(folder_ / kRecord, JsonText(json, 1) + "\n");
 }
 

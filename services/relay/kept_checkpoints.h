@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The newest checkpoint of each channel of a run, on disk: what a relay passes on.
 //
-//   FOLDER/kept.json                              the run; of each channel the version, its hash and its metadata
+//   FOLDER/kept.json                              the run and its user; of each channel the version, its hash and its metadata
 //   FOLDER/relayed-latest-4294967299.safetensors  a checkpoint's bytes, as they were published
 //   FOLDER/kept.lock                              held by the one relay of the folder
 #pragma once
@@ -28,9 +28,14 @@ struct Kept {
   bool whole = true;      ///< false: the file is damaged or missing; the version counts all the same
 };
 
+/// Whose checkpoints are kept.
+struct KeptOwner : bus::Owner {
+  std::string user;  ///< whose run it is; "": an older program did not say
+};
+
 /// The run whose checkpoints are in `folder`; nothing when there are none.
 /// @error kCorrupt, kUnavailable: they cannot be read
-Result<std::optional<bus::Owner>> KeptRun(const Path& folder);
+Result<std::optional<KeptOwner>> KeptRun(const Path& folder);
 
 /// One file a channel: what is newer takes the place of what there was, durably and by one rename, so that a kill or a
 /// power cut leaves the old one or the new one. Versions never go back. Not thread-safe.
@@ -41,8 +46,9 @@ class KeptCheckpoints {
 
   /// Takes the folder, which is made when missing; what it has of another run goes with the first checkpoint of this
   /// one. Files are read and held against their hashes.
+  /// @param user  whose run it is; "": as the folder says
   /// @error kUnavailable: another relay has the folder, or the disk; kCorrupt: kept.json is not understood
-  static Result<KeptCheckpoints> Open(const Path& folder, const bus::Owner& run);
+  static Result<KeptCheckpoints> Open(const Path& folder, const bus::Owner& run, const std::string& user = "");
 
   /// Keeps a verified blob of the run. What is kept already is not written again.
   /// @error kInvalidArgument: no plain channel, too many of them, older than what is kept, or another one of its
@@ -63,6 +69,7 @@ class KeptCheckpoints {
 
   Path folder_;
   bus::Owner run_;
+  std::string user_;
   FileLock lock_;
   std::map<std::string, Kept> channels_;
 };

@@ -111,7 +111,7 @@ Relay& Relay::operator=(Relay&&) noexcept = default;
 Relay::~Relay() = default;
 
 Result<Relay> Relay::Open(const bus::Participant& participant, const bus::Owner& run, const RelayOptions& options) {
-  ETUDE_ASSIGN_OR_RETURN(auto kept, KeptCheckpoints::Open(options.folder, run));
+  ETUDE_ASSIGN_OR_RETURN(auto kept, KeptCheckpoints::Open(options.folder, run, options.user));
   std::unique_ptr<Impl> impl(new Impl{&participant, run, options, std::move(kept), {}, {}, {}});
   const auto presence = bus::MakePresence(bus::PresenceKind::kRelay, run.name, run.id, options.folder.string());
   // several may relay one run
@@ -149,10 +149,14 @@ namespace {
 // Nothing within a second when none is there, and none is kept.
 Result<std::optional<bus::Owner>> RunOf(bus::Directory& directory, const Selector& selector, const Path& folder) {
   if (IsId(selector.id)) return std::optional(bus::Owner{selector.name, selector.id});
+  ETUDE_ASSIGN_OR_RETURN(const auto kept, KeptRun(folder));
+  const bool fits = kept && kept->name == selector.name && kept->id.starts_with(selector.id);
+  directory.WaitForOthers();
+  // what is kept gives way to its own user's next run alone, also where this process was started again
+  if (fits && !directory.Replaced(bus::PresenceKind::kRun, selector, kept->id, kept->user))
+    return std::optional<bus::Owner>(*kept);
   ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, selector, 1s));
   if (found) return std::optional(bus::Owner{found->name, found->id});
-  ETUDE_ASSIGN_OR_RETURN(auto kept, KeptRun(folder));
-  if (kept && kept->name == selector.name && kept->id.starts_with(selector.id)) return kept;
   return std::optional<bus::Owner>();
 }
 
@@ -190,11 +194,15 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
                  options.folder.string());
     if (!run) continue;
     ETUDE_RETURN_IF_ERROR(CheckFolder(options.folder, *run));
-    ETUDE_ASSIGN_OR_RETURN(auto relay, Relay::Open(participant, *run, options));
-    Log().info("relaying run {} into '{}'", run->partition(), options.folder.string());
     const auto live = directory.Matching(bus::PresenceKind::kRun, {run->name, run->id});
-    // of one that has gone already: this one relays for its own user
-    const std::string user = live.empty() ? UserName() : live.front().user;
+    ETUDE_ASSIGN_OR_RETURN(const auto before, KeptRun(options.folder));
+    const bool known = before && before->id == run->id && !before->user.empty();
+    // of one that has gone already, and of which nothing says: this one relays for its own user
+    const std::string user = !live.empty() ? live.front().user : known ? before->user : UserName();
+    RelayOptions of_run = options;
+    of_run.user = user;
+    ETUDE_ASSIGN_OR_RETURN(auto relay, Relay::Open(participant, *run, of_run));
+    Log().info("relaying run {} into '{}'", run->partition(), options.folder.string());
     for (bool told = false; !stopping(); relay.Step(kRound)) {
       if (!directory.Replaced(bus::PresenceKind::kRun, selector, run->id, user)) continue;
       const auto next = RunOf(directory, selector, options.folder);

@@ -29,6 +29,7 @@ struct RelayOptions {
   /// For so long nobody else must have had what is kept before it is offered: longer than it takes to discover a
   /// trainer that is there, or to hear its next checkpoint out.
   std::chrono::milliseconds patience{2'000};
+  std::string user = {};  ///< whose run it is; "": as the folder says
 };
 
 /// Of one run. One thread at a time; the participant must outlive it.

@@ -2,6 +2,7 @@
 #include "services/spec/robot_names.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "services/core/config.h"
 #include "services/core/share.h"
@@ -19,11 +20,6 @@ std::vector<std::string> NamesIn(const Path& folder) {
 }
 
 }  // namespace
-
-std::vector<std::string> KnownRobots() {
-  const auto folder = FindShared("robots");
-  return folder ? NamesIn(*folder) : std::vector<std::string>();
-}
 
 Result<Path> FindRobot(const std::string& robot) {
   if (robot.ends_with(".yaml")) return Path(robot);

@@ -3,16 +3,13 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "services/core/file.h"
 #include "services/core/result.h"
 
 namespace etude {
 
-/// Those that come along: deploy/robots/NAME.yaml of each, sorted; empty when the folder is not found.
-std::vector<std::string> KnownRobots();
-/// The YAML of a robot: `robot` itself when it ends in .yaml, else that of the known robot of this name.
+/// The YAML of a robot: `robot` itself when it ends in .yaml, else deploy/robots/NAME.yaml of those that come along.
 /// @error kInvalidArgument: unknown name, the message has the nearest known one; kNotFound: no folder of robots
 Result<Path> FindRobot(const std::string& robot);
 

@@ -154,6 +154,7 @@ struct VerifyReport {
   std::vector<Bad> bad;     ///< their content is wrong
   std::vector<Bad> unread;  ///< could not be read this time; never moved
   Status moved;             ///< why the first of the bad that could not be moved stays, and with it those that follow
+  Status refreshed;         ///< why the master file may still link what was moved
 };
 
 enum class Quarantine { kNo, kYes };

@@ -272,8 +272,14 @@ Status FinishDeletion(const Path& dataset) {
     if (fs::exists(path.parent_path(), error)) folders.insert(path.parent_path());
   }
   for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
-  ETUDE_RETURN_IF_ERROR(RefreshDerived(dataset));  // as long as the intent is there: a crash leaves no dead link behind
   std::error_code error;
+  Status refreshed = RefreshDerived(dataset);  // as long as the intent is there: a crash leaves no dead link behind
+  // a full disk has no room for two master files, and the old one is of links that are dead by now
+  if (!refreshed && refreshed.error().code == Code::kUnavailable && ListEpisodeFolder(dataset)) {
+    fs::remove(dataset / kMasterFile, error);
+    refreshed = RefreshDerived(dataset);
+  }
+  ETUDE_RETURN_IF_ERROR(refreshed);
   fs::remove(intent, error);
   if (error) return Fail(ErrnoError("delete", intent, error.value()));
   return SyncFolder(dataset);

@@ -33,7 +33,9 @@ Result<std::vector<Path>> ListFolder(const Path& folder) {
   std::vector<Path> paths;
   std::error_code error;
   fs::directory_iterator it(folder, error);
-  if (error == std::errc::no_such_file_or_directory) return paths;
+  // a link that leads nowhere, whose disk is away, is no folder that is yet to be made
+  if (std::error_code ignored; error == std::errc::no_such_file_or_directory && !fs::is_symlink(folder, ignored))
+    return paths;
   for (; !error && it != fs::directory_iterator(); it.increment(error)) paths.push_back(it->path());
   if (error) return ListError(folder, error);
   std::sort(paths.begin(), paths.end());
@@ -69,8 +71,12 @@ Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes));
   std::vector<Path> files;
   for (const auto& folder : folders) {
-    std::error_code ignored;
-    if (!fs::is_directory(folder, ignored)) continue;
+    if (folder.filename().string().starts_with('.')) continue;  // of editors and network file systems
+    std::error_code error, ignored;
+    const bool is_folder = fs::is_directory(folder, error);
+    if (error == std::errc::no_such_file_or_directory && !fs::is_symlink(folder, ignored)) continue;  // gone since
+    if (error) return ListError(folder, error);
+    if (!is_folder) continue;
     ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder));
     files.insert(files.end(), paths.begin(), paths.end());
   }

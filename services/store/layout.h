@@ -30,8 +30,8 @@ inline constexpr const char* kLock = ".lock";
 /// The episode whose file `path` is, by its name and folder; nothing for any other name.
 std::optional<std::uint64_t> IndexOf(const Path& path);
 
-/// Paths of all that lies two levels under episodes/, sorted: also of what is no file, so that verify can tell of it.
-/// @error kUnavailable
+/// Paths of all that lies two levels under episodes/, but in hidden folders, sorted: also of what is no file, so that
+/// verify can tell of it. @error kUnavailable
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset);
 /// Bytes of the episodes' files among these, by index; 0 where the file cannot be asked.
 std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files);

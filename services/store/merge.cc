@@ -55,8 +55,9 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
         return Fail(
             Code::kInvalidArgument,
             fmt::format("merge: '{}' and '{}' are of one spec, but their episodes {} differ: one is damaged, which "
-                        "`etude dataset verify` says, or both were imported or merged by an older program, which "
-                        "gave them one spec: import or merge them anew",
+                        "`etude dataset verify` says, or hosts that need not agree (determinism: physics or none) made "
+                        "it twice: delete it from one, or both were imported or merged by an older program, which gave "
+                        "them one spec: import or merge them anew",
                         first.string(), second.string(), index));
     }
   return owners;

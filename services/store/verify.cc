@@ -149,7 +149,10 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
     ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   }
   ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
-  std::erase_if(files, [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
+  // hidden ones are of those who copy, of network file systems and of desktops: nobody takes them for episodes
+  std::erase_if(files, [](const Path& path) {
+    return path.extension() == internal::kTemporarySuffix || path.filename().string().starts_with('.');
+  });
 
   std::vector<Status> found(files.size());
   ETUDE_RETURN_IF_ERROR(
@@ -167,8 +170,11 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   }
   // the master file must not link what was moved away, now or by a verification that ended before it came to this
   if (quarantine == Quarantine::kYes) {
-    ETUDE_ASSIGN_OR_RETURN(const bool behind, CountsOtherEpisodes(reader));
-    if (behind || !report.bad.empty()) ETUDE_RETURN_IF_ERROR(internal::RefreshDerived(dataset));
+    const auto behind = CountsOtherEpisodes(reader);
+    if (!behind)
+      report.refreshed = Fail(behind.error());  // and the report is not lost with it
+    else if (*behind || !report.bad.empty())
+      report.refreshed = internal::RefreshDerived(dataset);
   }
   return report;
 }

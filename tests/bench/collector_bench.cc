@@ -42,6 +42,7 @@
 #include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/bench/processes.h"
+#include "tests/support/programs_folder.h"
 
 namespace {
 
@@ -456,9 +457,8 @@ bool MeasureOn(const char* where, const Path& parent, const Bench& bench,
 
 // Where nobody named any: what the quickstart collects.
 Path CollectSome(const Path& folder, std::uint32_t domain) {
-  const char* const program = std::getenv("ETUDE_BIN");
-  Child collect({program != nullptr ? program : "build/bin/etude", "collect", "deploy/campaigns/quickstart.yaml",
-                 "--episodes", std::to_string(kReplayed), "--domain", std::to_string(domain), "--out",
+  Child collect({(ProgramsFolder() / "etude").string(), "collect", "deploy/campaigns/quickstart.yaml", "--episodes",
+                 std::to_string(kReplayed), "--domain", std::to_string(domain), "--out",
                  (folder / "replayed").string()});
   (void)collect.ReadAll();
   return folder / "replayed";

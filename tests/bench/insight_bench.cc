@@ -29,6 +29,7 @@
 #include "services/core/stop.h"
 #include "services/policy/client.h"
 #include "tests/bench/processes.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/policy/torch_process.h"
@@ -102,12 +103,6 @@ Status WriteCheckpoint(const Path& file) {
   for (const auto& [name, tensor] : network->StateTensors()) made.tensors[name] = tensor.detach().clone();
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, checkpoint::Encode(made));
   return WriteFileAtomically(file, bytes);
-}
-
-Path PolicyProgram() {
-  const char* folder = std::getenv("ETUDE_BIN");
-  const Path own = std::filesystem::read_symlink("/proc/self/exe");
-  return (folder != nullptr ? Path(folder) : own.parent_path().parent_path() / "bin") / "etude-policy";
 }
 
 // ---- who asks, and who looks -------------------------------------------------------------------------
@@ -195,8 +190,9 @@ class Side {
         run_{"insight-" + name, NewId()},
         server_(looking == Looking::kBefore
                     ? bench::Self({"before", checkpoint.string(), run_.text()})
-                    : std::vector<std::string>{PolicyProgram().string(), "--checkpoint", checkpoint.string(), "--run",
-                                               run_.text(), "--domain", std::to_string(kDomain)}),
+                    : std::vector<std::string>{(ProgramsFolder() / "etude-policy").string(), "--checkpoint",
+                                               checkpoint.string(), "--run", run_.text(), "--domain",
+                                               std::to_string(kDomain)}),
         robot_(participant, run_, "robot"),
         other_(participant, run_, "other") {
     for (int i = 0; i < 30; ++i) robot_.Ask();  // caches, and the server's own measure of itself

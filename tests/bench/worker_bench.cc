@@ -18,6 +18,7 @@
 #include "services/core/statistics.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 #include "worker/task/attempt.h"
 
@@ -237,8 +238,7 @@ struct Rate {
 Rate Measure(const bus::Participant& participant, int workers, std::chrono::seconds window) {
   const CampaignSpec spec = Spec("bench-scaling");
   auto hosted = Hosted::Start(participant, spec);
-  const char* folder = std::getenv("ETUDE_BIN");
-  const Path program = (folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin") / "etude-worker";
+  const Path program = ProgramsFolder() / "etude-worker";
   std::vector<campaign::Process> processes;
   for (int k = 0; k < workers; ++k) {
     auto process =

@@ -10,11 +10,13 @@
 #include <string>
 
 #include "services/campaign/process.h"
+#include "services/core/stop.h"
 #include "services/relay/kept_checkpoints.h"
 #include "tests/services/bus/two_processes.h"
 #include "tests/services/relay/example_run.h"
 #include "tests/support/etude_command.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude {
 namespace relay_processes_test {
@@ -63,7 +65,7 @@ class RelayProcesses : public ::testing::Test {
   }
   std::string Log(const std::string& log) const { return ReadTextFile(folder_ / log).value_or(""); }
   bool WaitUntilLogHas(const std::string& log, const std::string& text) const {
-    return relay::WaitFor([&] { return Log(log).find(text) != std::string::npos; });
+    return WaitUntil([&] { return Log(log).find(text) != std::string::npos; });
   }
   // What a subscriber gets that knows the run's name and nothing else.
   std::vector<std::uint8_t> Watch(std::uint64_t version, const char* channel = "latest") {

@@ -12,9 +12,11 @@
 #include "services/cli/worker_pool.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
+#include "services/core/share.h"
 #include "services/store/dataset.h"
 #include "tests/faults/two_hosts.h"
 #include "tests/services/campaign/fake_work.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/write_program.h"
 
 namespace etude::faults {
@@ -126,7 +128,7 @@ TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
   const Path program = WriteProgram(
       run.folder() / "worker",
       fmt::format("#!/bin/sh\nexport FAKE_LEAK_MB=250 FAKE_ROOM_MB=2000 ETUDE_ACK_LOG={}/acks-$$\nexec {} {} 92 5\n",
-                  run.folder().string(), (campaign::ProgramFolder() / "fake_worker").string(), run.spec().name));
+                  run.folder().string(), (ProgramFolder() / "fake_worker").string(), run.spec().name));
   auto pool = cli::WorkerPool::Start({.workers = 2,
                                       .campaign = run.spec().name,
                                       .bus = {},

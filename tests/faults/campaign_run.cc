@@ -9,12 +9,13 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <thread>
 
 #include "services/core/hash.h"
+#include "services/core/share.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::faults {
 
@@ -59,18 +60,8 @@ double ResidentMb(pid_t pid) {
   return static_cast<double>(std::strtoull(text.c_str() + at + 6, nullptr, 10)) / 1024;
 }
 
-bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patience) {
-  const auto end = MonotonicClock::now() + patience;
-  while (!met()) {
-    if (MonotonicClock::now() > end) return false;
-    std::this_thread::sleep_for(5ms);
-  }
-  return true;
-}
-
 Environment Shim(const Path& folder) {
-  return {{"LD_PRELOAD", (campaign::ProgramFolder() / "libfault_shim.so").string()},
-          {"ETUDE_SHIM_FOLDER", folder.string()}};
+  return {{"LD_PRELOAD", (ProgramFolder() / "libfault_shim.so").string()}, {"ETUDE_SHIM_FOLDER", folder.string()}};
 }
 
 CampaignRun::CampaignRun(RunOptions options) : options_(std::move(options)) {
@@ -104,7 +95,7 @@ campaign::Process& CampaignRun::StartWorker(const Environment& environment, cons
   campaign::ProcessOptions options{options_.worker_prefix, folder() / "worker.log", options_.environment};
   options.environment["ETUDE_ACK_LOG"] = (folder() / ("acks-" + number)).string();
   for (const auto& [name, value] : environment) options.environment[name] = value;
-  const Path program = Or(options_.worker_program, campaign::ProgramFolder() / "fake_worker");
+  const Path program = Or(options_.worker_program, ProgramFolder() / "fake_worker");
   for (const std::string& word :
        {program.string(), spec_.name, std::to_string(options_.domain), std::to_string(options_.ms_per_attempt)})
     options.argv.push_back(word);

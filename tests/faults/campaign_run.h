@@ -6,14 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "services/campaign/process.h"
-#include "services/core/clock.h"
 #include "services/spec/campaign_spec.h"
 #include "tests/faults/scanner.h"
 #include "tests/support/temporary_folder.h"
@@ -29,14 +27,13 @@ void ReportRow(const std::string& fault, const std::string& what, const Counts& 
 /// Nothing when the test has failed.
 void ReportAsserted(const std::string& fault, const std::string& what);
 
-/// Until `met`, at most `patience`; returns whether it was.
-bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patience = std::chrono::seconds(60));
-
 /// Resident memory of a process, MB; 0 when it has gone.
 double ResidentMb(pid_t pid);
 
 /// With it a process has tests/faults/shim.cc, for what is below `folder`.
 Environment Shim(const Path& folder);
+/// Environment of a fake worker with this identity; empty: without one.
+inline Environment WorkerOf(const Path& identity) { return {{"FAKE_SECURITY", identity.string()}}; }
 
 struct RunOptions {
   std::string name;

@@ -7,18 +7,21 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <functional>
 #include <map>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/bus/typed.h"
+#include "services/core/clock.h"
 #include "services/core/hash.h"
 #include "services/security/checkpoint_signature.h"
 #include "tests/faults/campaign_run.h"
-#include "tests/faults/small_disk.h"
 #include "tests/faults/trainer_run.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/small_disk.h"
+#include "tests/support/wait_until.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 #include "tests/trainer/learn/tiny_config.h"
 

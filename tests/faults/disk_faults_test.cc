@@ -13,12 +13,14 @@
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/participant.h"
+#include "services/core/clock.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/faults/campaign_run.h"
 #include "tests/faults/disk_model.h"
-#include "tests/faults/small_disk.h"
+#include "tests/support/small_disk.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::faults {
 namespace disk_faults_test {

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "tests/faults/authority.h"
+#include "services/core/clock.h"
 #include "tests/faults/two_hosts.h"
+#include "tests/support/authority.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::faults {
 namespace network_faults_test {

@@ -14,6 +14,7 @@
 #include "tests/faults/trainer_run.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 
 namespace etude::faults {

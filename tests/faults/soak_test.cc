@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <map>
 
+#include "services/core/clock.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
 #include "tests/faults/two_hosts.h"

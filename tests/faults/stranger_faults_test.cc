@@ -11,13 +11,15 @@
 #include <limits>
 
 #include "services/bus/typed.h"
+#include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/descriptor.h"
 #include "services/core/rng.h"
-#include "tests/faults/authority.h"
 #include "tests/faults/two_hosts.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
+#include "tests/support/authority.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::faults {
 namespace stranger_faults_test {

@@ -8,6 +8,7 @@
 #include "services/bus/serialized.h"
 #include "services/core/check.h"
 #include "services/core/config.h"
+#include "services/core/hash.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/spec/campaign_spec.h"
@@ -26,6 +27,11 @@ Bytes BytesOf(const std::string& text) { return {text.begin(), text.end()}; }
 
 void EpisodeCodec(Input bytes) {
   const auto episode = DecodeEpisode(bytes);
+  // what a collector takes: the same episode, and its hash is that of the bytes
+  if (const auto view = ViewEpisode(bytes)) {
+    ETUDE_CHECK(episode.has_value(), "an episode that can be viewed and not decoded");
+    ETUDE_CHECK(EpisodeSha256(view->episode, view->frames) == Sha256Hex(bytes), "the hash of other bytes");
+  }
   if (!episode) return;
   // what was taken can be sent on
   ETUDE_CHECK(DecodeEpisode(EncodeEpisode(*episode)).has_value(), "an episode that cannot be read again");

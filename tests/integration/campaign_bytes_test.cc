@@ -22,6 +22,7 @@
 #include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/child_processes.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
@@ -56,10 +57,7 @@ CampaignSpec Mixed() {
   return spec;
 }
 
-Path WorkerProgram() {
-  const char* folder = std::getenv("ETUDE_BIN");
-  return (folder ? Path(folder) : ProgramFolder().parent_path() / "bin") / "etude-worker";
-}
+Path WorkerProgram() { return ProgramsFolder() / "etude-worker"; }
 
 struct Chaos {
   int workers = 1;

@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 
 #include <atomic>
-#include <cstdlib>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -15,6 +14,7 @@
 #include "services/campaign/process.h"
 #include "services/play/arguments.h"
 #include "services/play/client.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/worker/task/playback.h"
 #include "tests/worker/task/rollout_spec.h"
@@ -103,8 +103,7 @@ class PlayProcess : public testing::Test {
     demonstration_ = runner->Demonstrate(0, 0).value();
     ASSERT_EQ(demonstration_.outcome, task::AttemptOutcome::kSuccess) << demonstration_.reason;
     oracle_.emplace(participant_, demonstration_.episode);
-    const char* bin = std::getenv("ETUDE_BIN");
-    const Path program = (bin ? Path(bin) : campaign::ProgramFolder().parent_path() / "bin") / "etude-worker";
+    const Path program = ProgramsFolder() / "etude-worker";
     auto worker = campaign::Process::Start({{program.string(), "play", file.string(), "--run", kRun, "--session",
                                              "test", "--speed", "0", "--domain", std::to_string(kDomain)},
                                             folder_ / "worker.log",

@@ -8,28 +8,24 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
-#include <functional>
-#include <thread>
 
 #include "services/campaign/process.h"
-#include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/store/dataset.h"
 #include "services/store/safetensors.h"
 #include "tests/integration/examples.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude {
 namespace whole_loop_test {
 
 constexpr int kDomain = 88, kSecuredDomain = 152;
 
-Path Binary(const char* name) {
-  const char* folder = std::getenv("ETUDE_BIN");
-  return (folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin") / name;
-}
+Path Binary(const char* name) { return ProgramsFolder() / name; }
 
 int RunCommand(const std::string& command) {
   const int status = std::system(command.c_str());
@@ -96,11 +92,6 @@ class WholeLoop : public testing::Test {
     const auto record = Json::parse(ReadTextFile(out_ / "up.json").value_or(""), nullptr, false);
     return record.is_object() ? record.value("/pids/policy"_json_pointer, -1) : -1;
   }
-  static bool WaitUntil(const std::function<bool()>& met) {
-    for (const Stopwatch watch; !met(); std::this_thread::sleep_for(std::chrono::milliseconds(20)))
-      if (watch.Seconds() > 120) return false;
-    return true;
-  }
 
   // Refused, and what goes on with the folder stays what made it.
   void ExpectAnotherCampaignIsRefused() {
@@ -121,12 +112,13 @@ class WholeLoop : public testing::Test {
     auto up = KeepRunning();
     ASSERT_TRUE(up.has_value()) << up.error().message;
     const auto log = [&] { return ReadTextFile(folder_ / "kept.log").value_or(""); };
-    ASSERT_TRUE(WaitUntil([&] { return log().find("serves on domain") != std::string::npos; })) << log();
+    const std::chrono::seconds patience(120);
+    ASSERT_TRUE(WaitUntil([&] { return log().find("serves on domain") != std::string::npos; }, patience)) << log();
     for (const int signal : {SIGTERM, SIGKILL}) {
       const pid_t killed = PolicyPid();
       ASSERT_GT(killed, 0);
       ASSERT_EQ(::kill(killed, signal), 0);
-      ASSERT_TRUE(WaitUntil([&] { return PolicyPid() > 0 && PolicyPid() != killed; })) << signal << log();
+      ASSERT_TRUE(WaitUntil([&] { return PolicyPid() > 0 && PolicyPid() != killed; }, patience)) << signal << log();
       const auto driven = RunExample({(Binary("etude").parent_path() / "example-robot-driver").string(), "loop",
                                       "pick up the red can", std::to_string(kDomain), "30"},
                                      folder_ / "driver.log");

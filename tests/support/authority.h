@@ -4,14 +4,17 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "services/bus/access.h"
 #include "services/core/clock.h"
 #include "services/security/authority.h"
-#include "tests/faults/campaign_run.h"
+#include "tests/support/temporary_folder.h"
 
-namespace etude::faults {
+namespace etude {
 
 class Authority {
  public:
@@ -35,7 +38,7 @@ class Authority {
     EXPECT_TRUE(security::Revoke(folder_.path(), name));
     return elsewhere_ / name;
   }
-  /// For RunOptions::collector_flags.
+  /// The arguments of a collector that is of it.
   std::vector<std::string> CollectorFlags() const {
     return {"--security", Issue("hub", security::Role::kCollector).string()};
   }
@@ -44,7 +47,4 @@ class Authority {
   TemporaryFolder folder_, elsewhere_;
 };
 
-/// Environment of a fake worker with this identity; empty: without one.
-inline Environment WorkerOf(const Path& identity) { return {{"FAKE_SECURITY", identity.string()}}; }
-
-}  // namespace etude::faults
+}  // namespace etude

@@ -2,12 +2,14 @@
 // `etude` as a user meets it: a process with arguments, an exit code and a text. Needs etude::campaign.
 #pragma once
 
-#include <cstdlib>
+#include <chrono>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "services/campaign/process.h"
 #include "services/core/file.h"
+#include "tests/support/programs_folder.h"
 
 namespace etude {
 
@@ -15,11 +17,6 @@ struct CommandOutcome {
   int exit_code = -1;
   std::string text;  // stdout and stderr
 };
-
-inline Path ProgramsFolder() {
-  const char* folder = std::getenv("ETUDE_BIN");
-  return folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin";
-}
 
 /// Runs `etude ARGUMENTS` to its end, at most a minute; its text passes through `log`, which it replaces.
 inline CommandOutcome RunEtude(std::vector<std::string> arguments, const Path& log) {

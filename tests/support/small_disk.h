@@ -9,7 +9,7 @@
 
 #include "services/core/file.h"
 
-namespace etude::faults {
+namespace etude {
 
 /// A tmpfs of its own over a folder, for as long as this lives. Needs root: look whether it is mounted.
 class SmallDisk {
@@ -36,4 +36,4 @@ class SmallDisk {
   bool mounted_ = false;
 };
 
-}  // namespace etude::faults
+}  // namespace etude

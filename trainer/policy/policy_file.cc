@@ -5,8 +5,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 
+#include "services/core/share.h"
 #include "trainer/policy/compose.h"
 
 namespace etude::policy {
@@ -64,6 +66,11 @@ Result<Path> FindExperiments(const std::string& share, const Path& executable) {
   return Fail(Code::kNotFound,
               fmt::format("no trainer/experiments above '{}': set ETUDE_SHARE to the folder that has 'experiments'",
                           executable.string()));
+}
+
+Result<Path> FindExperiments() {
+  const char* share = std::getenv("ETUDE_SHARE");
+  return FindExperiments(share ? share : "", ProgramFile());
 }
 
 Result<Path> FindNamedFile(const std::string& name_or_file, const std::vector<Path>& folders, const std::string& what) {

@@ -13,6 +13,8 @@ namespace etude::policy {
 /// The folder of the experiments: `share`/experiments when `share` is given, else the nearest
 /// trainer/experiments or share/etude/experiments above `executable`. @error kNotFound.
 Result<Path> FindExperiments(const std::string& share, const Path& executable);
+/// The same for ETUDE_SHARE and the running program.
+Result<Path> FindExperiments();
 
 /// `name_or_file`: a path, or NAME of FOLDER/NAME.yaml ("compact", "compact/obstacle").
 /// @param what  it is, for the message @error kInvalidArgument with the names there are

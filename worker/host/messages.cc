@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "services/spec/sampling_weights.h"
 
@@ -30,6 +31,13 @@ OrderedJson PoseJson(const Pose& pose) {
 Pose PoseOf(const OrderedJson& json) {
   const auto at = [&](int k) { return json.at(static_cast<std::size_t>(k)).get<double>(); };
   return {{at(0), at(1), at(2)}, Eigen::Quaterniond(at(3), at(4), at(5), at(6))};
+}
+
+// Of an answer, whose rotation may be none (services/policy/client.h): for NaN JSON has null.
+Pose AnsweredPoseOf(OrderedJson json) {
+  for (OrderedJson& number : json)
+    if (number.is_null()) number = std::numeric_limits<double>::quiet_NaN();
+  return PoseOf(json);
 }
 
 }  // namespace
@@ -144,7 +152,7 @@ Result<policy::Answer> AnswerOf(const OrderedJson& head) {
   return Checked("an answer", [&] {
     policy::Answer answer;
     for (const OrderedJson& waypoint : head.at("waypoints"))
-      answer.waypoints.push_back({PoseOf(waypoint.at("pose")), waypoint.at("gripper").get<double>()});
+      answer.waypoints.push_back({AnsweredPoseOf(waypoint.at("pose")), waypoint.at("gripper").get<double>()});
     answer.modules = head.at("modules");
     answer.checkpoint_step = head.at("checkpoint_step").get<std::uint64_t>();
     answer.server_p99_ms = head.at("server_p99_ms").get<double>();

@@ -34,7 +34,6 @@ class RenderContext {
   RenderContext(const RenderContext&) = delete;
   RenderContext& operator=(const RenderContext&) = delete;
 
-  bool Fits(int width, int height) const { return con_.offWidth >= width && con_.offHeight >= height; }
   const mjrContext* get() const { return &con_; }
   bool offscreen() const { return con_.currentBuffer == mjFB_OFFSCREEN; }
   void Use() { mjr_setBuffer(mjFB_OFFSCREEN, &con_); }
@@ -97,7 +96,6 @@ struct Renderer::Impl {
   RendererConfig config;
   std::unique_ptr<GlContext> gl;         // before what lives in it
   std::unique_ptr<RenderContext> frame;  // of the scene's camera
-  std::unique_ptr<RenderContext> view;   // of larger views, made when first wanted
   mjvScene drawing{};
   mjvOption option{};
   mjvCamera camera{};
@@ -120,7 +118,7 @@ struct Renderer::Impl {
   void DressLights();
   void DressTable(mjvGeom& geom) const;
   void DressBody(mjvGeom& geom) const;
-  void Draw(RenderContext& context, int width, int height, std::uint8_t* rgb);
+  void Draw(std::uint8_t* rgb);
 };
 
 Status Renderer::Impl::Init() {
@@ -196,13 +194,14 @@ void Renderer::Impl::DressBody(mjvGeom& geom) const {
     *shine = std::clamp(*shine + static_cast<float>(appearance.gloss[root]), 0.0F, 1.0F);
 }
 
-void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::uint8_t* rgb) {
-  const mjrRect area{0, 0, width, height};
-  context.Use();
-  if (background >= 0) context.Paint(*scene->model().mj, background, appearance.background);
-  mjr_render(area, &drawing, context.get());
-  mjr_readPixels(rgb, nullptr, area, context.get());
-  FlipRows(rgb, static_cast<std::size_t>(width) * 3, height);
+void Renderer::Impl::Draw(std::uint8_t* rgb) {
+  const Camera& view = view_from();
+  const mjrRect area{0, 0, view.width, view.height};
+  frame->Use();
+  if (background >= 0) frame->Paint(*scene->model().mj, background, appearance.background);
+  mjr_render(area, &drawing, frame->get());
+  mjr_readPixels(rgb, nullptr, area, frame->get());
+  FlipRows(rgb, static_cast<std::size_t>(view.width) * 3, view.height);
 }
 
 RendererConfig RendererFor(const CampaignSpec& spec, RendererConfig base) {
@@ -247,23 +246,7 @@ void Renderer::Render(const World& world, std::span<std::uint8_t> rgb) {
   const Camera& view = impl_->view_from();
   ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
   impl_->Update(world);
-  impl_->Draw(*impl_->frame, view.width, view.height, rgb.data());
-}
-
-void Renderer::RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb) {
-  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
-  impl_->Update(world);
-  Aim(impl_->drawing, view);
-  RenderContext* context = impl_->frame.get();
-  if (!context->Fits(view.width, view.height)) {
-    if (!impl_->view || !impl_->view->Fits(view.width, view.height)) {
-      impl_->view.reset();
-      impl_->view = std::make_unique<RenderContext>(impl_->scene->model().mj.get(), view.width, view.height,
-                                                    impl_->config.samples);
-    }
-    context = impl_->view.get();
-  }
-  impl_->Draw(*context, view.width, view.height, rgb.data());
+  impl_->Draw(rgb.data());
 }
 
 void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> body_ids) {
@@ -275,7 +258,7 @@ void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> bo
   impl_->segments.resize(pixels * 3);
   drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 1;
   drawing.flags[mjRND_SKYBOX] = 0;
-  impl_->Draw(*impl_->frame, view.width, view.height, impl_->segments.data());
+  impl_->Draw(impl_->segments.data());
   drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 0;
   drawing.flags[mjRND_SKYBOX] = impl_->has_background;
   // colours are segment ids plus one; ids are in the drawn order, not the model's

@@ -51,8 +51,6 @@ class Renderer {
 
   /// Picture of the camera: RGB, camera.height * camera.width * 3 bytes, top row first.
   void Render(const World& world, std::span<std::uint8_t> rgb);
-  /// A view for people from a free camera looking at `lookat` (videos, README pictures).
-  void RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb);
   /// Segmentation of the camera: body id per pixel, -1 background; top row first.
   void RenderSegmentation(const World& world, std::span<std::int32_t> body_ids);
   /// Depth of the camera: m along its viewing direction, one value a pixel, top row first; where

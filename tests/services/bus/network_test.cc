@@ -9,6 +9,8 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <set>
+#include <sstream>
 #include <vector>
 
 #include "services/bus/process_reporter.h"
@@ -100,6 +102,16 @@ TEST(Network, CountersCountADatagramForAClosedPort) {
 TEST(Network, MulticastSaysWhyNot) {
   EXPECT_THAT(TryMulticast("here"), testing::HasSubstr("no IPv4 address"));
   EXPECT_THAT(TryMulticast("192.0.2.1"), testing::Not(testing::IsEmpty()));  // no interface of ours
+}
+
+// the kernel leaves no space behind a name of ten letters, and none of these was seen to look for peers
+TEST(Network, InterfacesOfLongNamesAreFoundToListen) {
+  std::istringstream igmp(
+      "Idx\tDevice    : Count Querier\tGroup    Users Timer\tReporter\n"
+      "1\tlo        :     1      V3\n\t\t\t\t010000E0     1 0:00000000\t\t0\n"
+      "2\tenp129s0f0np0:     2      V3\n\t\t\t\t0100FFEF     1 0:00000000\t\t0\n"
+      "3\teth0      :     2      V3\n\t\t\t\t0100FFEF     1 0:00000000\t\t0\n");
+  EXPECT_EQ(ListeningInterfaces(igmp, "0100FFEF"), (std::set<std::string>{"enp129s0f0np0", "eth0"}));
 }
 
 }  // namespace network_test

@@ -289,5 +289,21 @@ TEST(Published, ARestartedPublisherGoesOn) {
   }
 }
 
+// a relay wrote the whole checkpoint ten times a second onto a disk that was full
+TEST(Published, WhatCannotBeJudgedNowIsJudgedOnceASecond) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = BlobPublisher::Open(peers.a, {"patient", "1"}, SmallChunks());
+  int judged = 0;
+  ReceiveOptions options;
+  options.accept = [&](const PublishedBlob&) { return ++judged, Status(Fail(Code::kUnavailable, "disk full")); };
+  auto subscriber = BlobSubscriber::Open(peers.b, {"patient", "1"}, "", options);
+  ASSERT_TRUE(publisher && subscriber);
+  ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(50'000, 1), ""));
+  for (const Stopwatch watch; watch.Seconds() < 20 && judged == 0;) EXPECT_FALSE(subscriber->Wait(20ms));
+  for (const Stopwatch watch; watch.Seconds() < 2.5;) EXPECT_FALSE(subscriber->Wait(20ms));
+  EXPECT_GE(judged, 2);
+  EXPECT_LE(judged, 4);
+}
+
 }  // namespace publish_test
 }  // namespace etude::bus

@@ -5,13 +5,17 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <functional>
+
 #include "services/campaign/process.h"
+#include "services/core/share.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace adaptive_sampling_test {
@@ -81,7 +85,7 @@ class Critic {
   void SayWrongly(const bus::ValidationErrors& wrong) {
     const std::uint64_t before = running_->progress().refused_errors;
     EXPECT_TRUE(writer_.Write(wrong));
-    EXPECT_TRUE(WaitFor([&] { return running_->progress().refused_errors == before + 1; }));
+    EXPECT_TRUE(WaitUntil([&] { return running_->progress().refused_errors == before + 1; }));
   }
   void SayAndBeHeard(const std::vector<ErrorCell>& cells) {
     Say(cells);
@@ -141,7 +145,7 @@ TEST_F(AdaptiveSampling, TwoWorkersMakeWhatOneMakesAgainFromSpecAndJournal) {
     Critic critic(*participant_, running, spec);
     critic.SayAndBeHeard(kExtreme);
     Process a = StartWorker(spec, 20), b = StartWorker(spec, 20);
-    ASSERT_TRUE(WaitFor([&] { return running->progress().reweighted == 1; }));
+    ASSERT_TRUE(WaitUntil([&] { return running->progress().reweighted == 1; }));
     critic.Say(kOther);
     running.Join();
     EXPECT_TRUE(running.status());

@@ -8,12 +8,14 @@
 #include <vector>
 
 #include "services/bus/topic.h"
-#include "services/campaign/history.h"
+#include "services/campaign/lease_table.h"
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/file.h"
 #include "tests/services/campaign/collector_fixture.h"
+#include "tests/services/campaign/says_stopped.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace collector_attempts_test {
@@ -32,7 +34,7 @@ TEST_F(CollectorAttempts, AnOutcomeOfAnyBytesIsCountedAndEndsNothing) {
   bus::Lease lease = worker.Ask();
   ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
   worker.Report(lease, running->id(), SpecHash(spec), "\xff\xfe");
-  ASSERT_TRUE(WaitFor([&] { return running->progress().failures.contains("unnamed"); }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().failures.contains("unnamed"); }));
   // also where nothing is committed afterwards, what failed is in what is derived
   const auto in_index = [&] {
     const auto text = ReadTextFile(folder_ / "data/dataset.json");
@@ -40,7 +42,7 @@ TEST_F(CollectorAttempts, AnOutcomeOfAnyBytesIsCountedAndEndsNothing) {
     return json.contains("statistics") && json["statistics"].contains("failed_attempts") &&
            json["statistics"]["failed_attempts"].contains("unnamed");
   };
-  EXPECT_TRUE(WaitFor(in_index));
+  EXPECT_TRUE(WaitUntil(in_index));
   EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork) << "it goes on";
 }
 
@@ -146,7 +148,7 @@ TEST_F(CollectorAttempts, WhatIsOverheardOfAWorkerGivesNothingUp) {
   Process worker = StartPrefetching(spec, folder_ / "w.log", 3'600'000);
   bus::WorkerStatus heard;
   std::uint64_t working_on = 0;
-  ASSERT_TRUE(WaitFor([&] {
+  ASSERT_TRUE(WaitUntil([&] {
     for (const auto& status : statuses->Take())
       if (status.token != 0) heard = status;
     for (const auto& request : requests->Take()) working_on = std::max(working_on, request.working_on);
@@ -157,7 +159,7 @@ TEST_F(CollectorAttempts, WhatIsOverheardOfAWorkerGivesNothingUp) {
   bus::Lease lease;
   lease.index = heard.index;
   lease.attempt = heard.attempt;
-  EXPECT_TRUE(WaitFor([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     for (const std::uint64_t token : {heard.token, working_on}) {
       lease.token = token;
       forger.Report(lease, running->id(), SpecHash(spec));
@@ -209,7 +211,7 @@ TEST_F(CollectorAttempts, AWorkerThatBeatsAndDoesNotMoveLosesItsLease) {
 
   std::vector<std::string> silent;
   std::uint32_t step = 0;
-  EXPECT_TRUE(WaitFor([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     still.Beat(7);
     moves.Beat(++step);
     for (const auto& name : running->TakeSilent()) silent.push_back(name);
@@ -236,14 +238,14 @@ TEST_F(CollectorAttempts, AWorkerThatWasAwayAtTheEndIsSentHomeWhenItComesBack) {
   const bus::Lease lost = away.Ask();
   ASSERT_EQ(lost.kind, bus::LeaseKind::kWork);
   Process worker = StartWorker(spec, folder_ / "w.log", 0);
-  ASSERT_TRUE(WaitFor([&] { return running->progress().complete; })) << "with the lease that the other one lost";
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().complete; })) << "with the lease that the other one lost";
   const Stopwatch since;
-  ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 0 && since.Seconds() > 3; })) << "nobody is heard";
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().workers == 0 && since.Seconds() > 3; })) << "nobody is heard";
 
   // it beats before it asks again
   Beating back(*participant_, running, spec, lost, "away");
   back.Beat(1);
-  ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().workers == 1; }));
   EXPECT_EQ(away.Ask().kind, bus::LeaseKind::kDone);
   running.Join();
 }
@@ -256,11 +258,11 @@ TEST_F(CollectorAttempts, WhoWasToldOrSaidGoodbyeDelaysNoEnd) {
   Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
   {
     Process leaves = StartWorker(spec, folder_ / "leaves.log", 3'600'000);
-    ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
+    ASSERT_TRUE(WaitUntil([&] { return running->progress().workers == 1; }));
     EXPECT_EQ(leaves.Stop(20s), 0);
   }
   Process told = StartWorker(spec, folder_ / "told.log", 0);
-  ASSERT_TRUE(WaitFor([&] { return running->progress().complete; }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().complete; }));
   const Stopwatch ending;
   running.Join();
   EXPECT_LT(ending.Seconds(), 30);
@@ -286,12 +288,12 @@ TEST_F(CollectorAttempts, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvalua
     worker.Report(lease, running->id(), SpecHash(spec), kPolicyError, R"({"reason": "no answer of 'run'"})");
   };
   for (int k = 0; k < 4; ++k) fail();
-  ASSERT_TRUE(WaitFor([&] { return !running->progress().error.empty(); }));
+  ASSERT_TRUE(WaitUntil([&] { return !running->progress().error.empty(); }));
   EXPECT_NE(running->progress().error.find("no answer of 'run'"), std::string::npos) << running->progress().error;
   EXPECT_EQ(running->progress().given_up, 0u);
 
   const auto outage = MonotonicClock::now() + options.policy_patience;
-  ASSERT_TRUE(WaitFor([&] { return MonotonicClock::now() > outage; }));
+  ASSERT_TRUE(WaitUntil([&] { return MonotonicClock::now() > outage; }));
   fail();
   running.Join();
   ASSERT_FALSE(running.status());
@@ -299,7 +301,7 @@ TEST_F(CollectorAttempts, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvalua
   EXPECT_NE(running.status().error().message.find("no answer of 'run'"), std::string::npos)
       << running.status().error().message;
 
-  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "nobody stopped it";
+  EXPECT_FALSE(SaysStopped(folder_ / "data")) << "nobody stopped it";
 
   // and the next start begins where it was
   owner.reset();
@@ -323,11 +325,11 @@ TEST_F(CollectorAttempts, WhileNobodyAsksThePolicyItsSilenceSaysNothing) {
     worker.Report(lease, running->id(), SpecHash(spec), kPolicyError, R"({"reason": "no answer of 'run'"})");
   };
   fail();
-  ASSERT_TRUE(WaitFor([&] { return !running->progress().error.empty(); }));
+  ASSERT_TRUE(WaitUntil([&] { return !running->progress().error.empty(); }));
   const Stopwatch outage;
   Beating(*participant_, running, spec, {}, "raw").SayGoodbye();
-  EXPECT_TRUE(WaitFor([&] { return running->progress().error.empty(); })) << "nobody waits for it";
-  ASSERT_TRUE(WaitFor([&] { return outage.Seconds() > 4; }));
+  EXPECT_TRUE(WaitUntil([&] { return running->progress().error.empty(); })) << "nobody waits for it";
+  ASSERT_TRUE(WaitUntil([&] { return outage.Seconds() > 4; }));
   fail();
   EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork) << "it is waited for again";
 }
@@ -349,7 +351,7 @@ TEST_F(CollectorAttempts, APolicyThatIsForSomethingElseEndsTheEvaluationAtOnce) 
   EXPECT_EQ(running.status().error().code, Code::kInvalidArgument);
   EXPECT_NE(running.status().error().message.find("ur5 here, panda there"), std::string::npos)
       << running.status().error().message;
-  EXPECT_FALSE(KnownStopped(folder_ / "data"));
+  EXPECT_FALSE(SaysStopped(folder_ / "data"));
 }
 
 }  // namespace collector_attempts_test

@@ -15,6 +15,7 @@
 #include "services/campaign/sink.h"
 #include "services/store/filter_keys.h"
 #include "tests/services/campaign/collector_fixture.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace collector_commit_test {
@@ -64,7 +65,7 @@ TEST_F(CollectorCommit, FullDiskWaitsSaysSoAndResumesByItself) {
   ASSERT_TRUE(workers);
   Process worker = StartWorker(spec, folder_ / "w.log", 0);
 
-  ASSERT_TRUE(WaitFor([&] {
+  ASSERT_TRUE(WaitUntil([&] {
     for (const auto& status : statuses->Take())
       if (status.error.find("No space left") != std::string::npos) return true;
     return false;
@@ -96,7 +97,7 @@ class CollectorWithoutIndex : public CollectorCommit {
     const bus::Lease lease = worker.Ask();
     EXPECT_EQ(worker.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
     EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kDone) << "a worker need not wait for that";
-    EXPECT_TRUE(WaitFor([&] { return (*running)->progress().error.find("No space left") != std::string::npos; }));
+    EXPECT_TRUE(WaitUntil([&] { return (*running)->progress().error.find("No space left") != std::string::npos; }));
     return running;
   }
 
@@ -132,7 +133,7 @@ TEST_F(CollectorCommit, OldTokensAreRefusedAndRepeatsAreDuplicates) {
 
   const bus::Lease old = slow.Ask();  // and never a heartbeat
   ASSERT_EQ(old.kind, bus::LeaseKind::kWork);
-  ASSERT_TRUE(WaitFor([&] { return running->progress().lost_leases == 1; }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().lost_leases == 1; }));
   bus::Lease lease = quick.Ask();
   // an index that lost a worker comes after those that did not
   while (lease.index != old.index) {
@@ -251,7 +252,7 @@ class KeyAsker {
                                        .filter_key = key,
                                        .episodes = episodes};
     std::optional<std::string> answer;
-    (void)WaitFor([&] {
+    (void)WaitUntil([&] {
       EXPECT_TRUE(controls_.Write(message));
       statuses_.Wait(200ms);
       for (const auto& status : statuses_.Take())

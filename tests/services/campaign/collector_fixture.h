@@ -12,6 +12,7 @@
 #include "services/campaign/collector.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/core/share.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"

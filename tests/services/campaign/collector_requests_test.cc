@@ -10,6 +10,7 @@
 
 #include "services/bus/topic.h"
 #include "tests/services/campaign/collector_fixture.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace collector_requests_test {
@@ -73,7 +74,7 @@ TEST_F(CollectorRequests, AWorkerThatNamesNoHostIsRefused) {
     request.content = kContentVersion;
     request.host = host;
     std::vector<bus::Lease> told;
-    EXPECT_TRUE(WaitFor([&] {
+    EXPECT_TRUE(WaitUntil([&] {
       EXPECT_TRUE(requests->Write(request));
       if (everybody->Wait(200ms)) told = everybody->Take();
       return !told.empty();
@@ -140,7 +141,7 @@ TEST_F(CollectorRequests, FilesThatWereMendedBeforeTheFirstEpisodeBeginAnew) {
       EXPECT_EQ(lease.attempt, attempt);
       worker.Report(lease, running->id(), SpecHash(spec));
     }
-    EXPECT_TRUE(WaitFor([&] { return running->progress().given_up == 1; }));
+    EXPECT_TRUE(WaitUntil([&] { return running->progress().given_up == 1; }));
   }
   Running running(std::move(*Open(spec, folder_ / "data")));
   RawWorker worker(*participant_, spec, running->id(), "after", "b");
@@ -202,7 +203,7 @@ TEST_F(CollectorRequests, AWorkerMayHoldItsNextLeaseUnlessTheCampaignIsPaused) {
   ASSERT_TRUE(controls && statuses && controls->WaitForReaders(1, 20s));
   bus::CampaignControl pause{.campaign = spec.name, .control_id = "pause", .campaign_id = running->id()};
   ASSERT_TRUE(controls->Write(pause));
-  EXPECT_TRUE(WaitFor([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     statuses->Wait(200ms);
     const auto taken = statuses->Take();
     return std::ranges::any_of(taken, [](const bus::CampaignStatus& status) { return status.state == "paused"; });

@@ -12,13 +12,14 @@
 #include <vector>
 
 #include "services/bus/blob_transfer.h"
-#include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
 #include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/collector_fixture.h"
+#include "tests/services/campaign/says_stopped.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace collector_test {
@@ -77,7 +78,7 @@ TEST_F(CollectorTest, KilledWorkersLoseAndDoubleNothing) {
   Rng rng(7);
   int kills = 0;
   while (!running->progress().complete) {
-    WaitFor([&] { return running->progress().complete; }, std::chrono::milliseconds(100 + rng.Below(400)));
+    WaitUntil([&] { return running->progress().complete; }, std::chrono::milliseconds(100 + rng.Below(400)));
     if (kills >= 12) continue;
     Process& victim = workers[rng.Below(workers.size())];
     victim.Signal(SIGKILL);
@@ -99,20 +100,20 @@ TEST_F(CollectorTest, RestartedCollectorContinuesWithTheSameWorkers) {
   Process worker_b = StartWorker(spec, folder_ / "b.log", 80);
   std::uint64_t before = 0;
   for (int life = 0; life < 3; ++life) {
-    EXPECT_EQ(KnownStopped(folder_ / "data"), life > 0);
+    EXPECT_EQ(SaysStopped(folder_ / "data"), life > 0);
     auto collector = Open(spec, folder_ / "data");
     ASSERT_TRUE(collector) << collector.error().message;
     Running running(std::move(*collector));
     if (life == 2) {
       running.Join();
     } else {
-      ASSERT_TRUE(WaitFor([&] { return running->progress().committed >= before + 5; }));
+      ASSERT_TRUE(WaitUntil([&] { return running->progress().committed >= before + 5; }));
       running.Stop();
       before = running->progress().committed;
     }
   }
   ExpectWhole(spec, folder_ / "data");
-  EXPECT_FALSE(KnownStopped(folder_ / "data"));
+  EXPECT_FALSE(SaysStopped(folder_ / "data"));
   EXPECT_EQ(OrderedJson::parse(ReadTextFile(folder_ / "data/collector.json").value())["epoch"], 3);
   EXPECT_EQ(worker_a.Wait(10s), 0);
   EXPECT_EQ(worker_b.Wait(10s), 0);
@@ -150,7 +151,7 @@ TEST_F(CollectorTest, ACopiedFolderIsRefusedUnlessItIsANewOneOrAdopts) {
   EXPECT_EQ(running.status().error().code, Code::kUnavailable);
   EXPECT_NE(running.status().error().message.find((folder_ / "copy").string()), std::string::npos)
       << running.status().error().message;
-  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "its successor goes on";
+  EXPECT_FALSE(SaysStopped(folder_ / "data")) << "its successor goes on";
 
   Running adopted(std::move(*adopting));
   Process worker = StartWorkerOf(spec.name + "@" + id, folder_ / "w.log", 0);
@@ -234,7 +235,7 @@ TEST_F(CollectorTest, WhatAThreadThrowsEndsItWithWords) {
   EXPECT_NE(running.status().error().message.find("commit thread failed: an exception: out of paper"),
             std::string::npos)
       << running.status().error().message;
-  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "it failed";
+  EXPECT_FALSE(SaysStopped(folder_ / "data")) << "it failed";
 }
 
 }  // namespace collector_test

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/services/campaign/says_stopped.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
@@ -53,15 +54,15 @@ TEST(KnownShard, StaysOverStarts) {
   EXPECT_EQ(KnownShard(folder.path()), "1/2");
 }
 
-TEST(KnownStopped, IsForgottenWithTheNextStart) {
+TEST(RememberStop, IsForgottenWithTheNextStart) {
   TemporaryFolder folder;
-  EXPECT_FALSE(KnownStopped(folder.path()));
+  EXPECT_FALSE(SaysStopped(folder.path()));
   ASSERT_TRUE(RememberEpoch(folder.path(), 1));
-  EXPECT_FALSE(KnownStopped(folder.path()));
+  EXPECT_FALSE(SaysStopped(folder.path()));
   ASSERT_TRUE(RememberStop(folder.path()));
-  EXPECT_TRUE(KnownStopped(folder.path()));
+  EXPECT_TRUE(SaysStopped(folder.path()));
   ASSERT_TRUE(RememberEpoch(folder.path(), 2));
-  EXPECT_FALSE(KnownStopped(folder.path()));
+  EXPECT_FALSE(SaysStopped(folder.path()));
 }
 
 TEST(CheckHostsAgree, NamesTheLineInWhichShardsDiffer) {

@@ -6,29 +6,19 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <utility>
 
-#include "services/core/clock.h"
-#include "services/core/stop.h"
 #include "tests/support/matchers.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace known_collectors_test {
 
-using namespace std::chrono_literals;
-
 constexpr std::uint32_t kDomain = 85;
-
-bool Comes(const std::function<bool()>& condition) {
-  const Stopwatch watch;
-  while (!condition() && watch.Seconds() < 10) WaitForStop(5ms);
-  return condition();
-}
 
 // What a collector says of itself; it is there for as long as it lives.
 class Said {
@@ -74,13 +64,13 @@ class KnownCollectorsTest : public testing::Test {
     known_ = std::make_unique<KnownCollectors>(std::move(*known));
   }
   bool Opens(const std::set<std::uint32_t>& shards) {
-    return Comes([&] {
+    return WaitUntil([&] {
       EXPECT_THAT(known_->LookAround(), IsOk());
       return known_->OpenShards() == shards;
     });
   }
   bool Completes() {
-    return Comes([&] {
+    return WaitUntil([&] {
       EXPECT_THAT(known_->Learn(), IsOk());
       return known_->Complete();
     });
@@ -115,7 +105,7 @@ TEST_F(KnownCollectorsTest, WhatAWorkerWasToldHoldsForThatLifeOfTheCollectorAlon
   Said only(*participant_, "aaaa000000000001", 0, 0);
   ASSERT_TRUE(Opens({0}));
   const auto collector = known_->At(0);
-  ASSERT_TRUE(Comes([&] {
+  ASSERT_TRUE(WaitUntil([&] {
     collector->TakeAnnouncements();
     return collector->announcement.has_value();
   }));
@@ -134,12 +124,12 @@ TEST_F(KnownCollectorsTest, AShardThatGoesOnElsewhereIsAnotherCollector) {
   EXPECT_TRUE(known_->Knows(*known));
   second = std::make_unique<Said>(*participant_, "dddd000000000004", 2, 2);
 
-  EXPECT_TRUE(Comes([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     EXPECT_THAT(known_->Learn(), IsOk());
     return !known_->Knows(*known);
   }));
   EXPECT_EQ(known_->At(2)->presence.id, "dddd000000000004");
-  EXPECT_TRUE(Comes([&] { return known_->HasGone("bbbb000000000002"); }));
+  EXPECT_TRUE(WaitUntil([&] { return known_->HasGone("bbbb000000000002"); }));
 }
 
 TEST_F(KnownCollectorsTest, AnotherCampaignOfTheNameTakesThePlaceOfOneThatHasGone) {
@@ -148,7 +138,7 @@ TEST_F(KnownCollectorsTest, AnotherCampaignOfTheNameTakesThePlaceOfOneThatHasGon
   EXPECT_FALSE(known_->Replaced("aaaa000000000001"));
   old.reset();
   const Said anew(*participant_, "eeee000000000005", 0, 0);
-  ASSERT_TRUE(Comes([&] { return known_->Replaced("aaaa000000000001"); }));
+  ASSERT_TRUE(WaitUntil([&] { return known_->Replaced("aaaa000000000001"); }));
 
   EXPECT_EQ(known_->LookAround().value(), true);
   EXPECT_EQ(known_->At(0)->presence.id, "eeee000000000005");
@@ -157,7 +147,7 @@ TEST_F(KnownCollectorsTest, AnotherCampaignOfTheNameTakesThePlaceOfOneThatHasGon
 
 TEST_F(KnownCollectorsTest, ANameOfTwoCampaignsIsAnsweredByTheirList) {
   const Said one(*participant_, "aaaa000000000001", 0, 0), other(*participant_, "bbbb000000000002", 0, 0);
-  ASSERT_TRUE(Comes([&] { return !known_->LookAround(); }));
+  ASSERT_TRUE(WaitUntil([&] { return !known_->LookAround(); }));
   const auto refused = known_->LookAround();
   EXPECT_THAT(refused, HasCode(Code::kInvalidArgument));
   EXPECT_THAT(refused, MessageHas("bbbb000000000002"));

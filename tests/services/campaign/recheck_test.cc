@@ -15,6 +15,7 @@
 #include "services/campaign/recheck_table.h"
 #include "services/core/command.h"
 #include "services/core/file.h"
+#include "services/core/share.h"
 #include "services/store/attempts.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"

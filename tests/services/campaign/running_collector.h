@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -12,7 +11,6 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
-#include "services/core/clock.h"
 #include "services/episode/codec.h"
 
 namespace etude::campaign {
@@ -27,15 +25,6 @@ inline CollectorOptions QuickOptions() {
   options.index_every = 500ms;
   options.away = 0ms;
   return options;
-}
-
-inline bool WaitFor(const std::function<bool()>& condition, std::chrono::milliseconds timeout = 60s) {
-  const auto deadline = MonotonicClock::now() + timeout;
-  while (MonotonicClock::now() < deadline) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(5ms);
-  }
-  return condition();
 }
 
 // A collector on a thread of its own.

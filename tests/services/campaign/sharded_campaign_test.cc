@@ -11,11 +11,13 @@
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/core/share.h"
 #include "services/store/edit.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace sharded_campaign_test {
@@ -102,10 +104,10 @@ TEST_F(ShardedCampaign, TwoWorkersAndAShardThatBeginsLaterFinishAllOfIt) {
   const bus::Lease held = holder.Ask();
   ASSERT_EQ(held.kind, bus::LeaseKind::kWork);
   Process worker = StartWorker(spec_.name), other = StartWorker(spec_.name);
-  ASSERT_TRUE(WaitFor([&] { return (*third)->progress().complete; })) << Log();
+  ASSERT_TRUE(WaitUntil([&] { return (*third)->progress().complete; })) << Log();
   const auto second = Start("b", {2, 3});
   const auto renewed = [&] { return holder.Ask().token == held.token; };
-  ASSERT_TRUE(WaitFor([&] { return renewed() && (*second)->progress().complete; })) << Log();
+  ASSERT_TRUE(WaitUntil([&] { return renewed() && (*second)->progress().complete; })) << Log();
 
   if (FakeFails(held.index, held.attempt))
     holder.Report(held, (*first)->id(), SpecHash(spec_));
@@ -122,12 +124,12 @@ TEST_F(ShardedCampaign, AWorkerGoesToAnotherShardWhenItsCollectorEndsAndComesBac
   std::unique_ptr<Running> running[2] = {Start("a", {1, 2}), Start("b", {2, 2})};
   const auto committed = [&](int k) { return (*running[k])->progress().committed; };
   Process worker = StartWorker(spec_.name, 200);
-  ASSERT_TRUE(WaitFor([&] { return committed(0) + committed(1) >= 2; }));
+  ASSERT_TRUE(WaitUntil([&] { return committed(0) + committed(1) >= 2; }));
   const int left = committed(0) > 0 ? 0 : 1, other = 1 - left;
   ASSERT_EQ(committed(other), 0u) << "it stays where there is work";
 
   running[left].reset();
-  ASSERT_TRUE(WaitFor([&] { return committed(other) >= 2; })) << Log();
+  ASSERT_TRUE(WaitUntil([&] { return committed(other) >= 2; })) << Log();
   running[left] = left == 0 ? Start("a", {1, 2}) : Start("b", {2, 2});
 
   for (auto& each : running) each->Join();
@@ -143,7 +145,7 @@ TEST_F(ShardedCampaign, NowAndThenAWorkerGoesWhereChanceSendsIt) {
   Process worker = StartWorker(spec_.name);
   ::unsetenv("FAKE_STAY_MS");
 
-  EXPECT_TRUE(WaitFor([&] { return (*first)->progress().committed > 0 && (*second)->progress().committed > 0; }));
+  EXPECT_TRUE(WaitUntil([&] { return (*first)->progress().committed > 0 && (*second)->progress().committed > 0; }));
   EXPECT_FALSE((*first)->progress().complete || (*second)->progress().complete);
   EXPECT_EQ((*first)->progress().lost_leases + (*second)->progress().lost_leases, 0u);
   EXPECT_EQ(worker.Stop(10s), 0) << Log();

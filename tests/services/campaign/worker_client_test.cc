@@ -16,6 +16,7 @@
 #include "services/core/command.h"
 #include "services/spec/task_name.h"
 #include "tests/services/campaign/collector_fixture.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::campaign {
 namespace worker_client_test {
@@ -46,7 +47,7 @@ TEST_F(WorkerClientTest, AStandingWorkerGoesOnWithTheNextCampaignOfItsName) {
     ASSERT_TRUE(collector) << collector.error().message;
     Running running(std::move(*collector));
     const auto before = running->progress().committed;
-    ASSERT_TRUE(WaitFor([&] { return running->progress().committed > before; }));
+    ASSERT_TRUE(WaitUntil([&] { return running->progress().committed > before; }));
   }
   EXPECT_EQ(LastEpoch(folder_ / "old").value(), 3u);
 
@@ -79,12 +80,12 @@ TEST_F(WorkerClientTest, AStandingWorkerReadsTheTaskFilesOfTheNextCampaign) {
     CampaignSpec first = spec;
     first.episodes = 1000;
     Running running(std::move(*Open(first, folder_ / "first")));
-    ASSERT_TRUE(WaitFor([&] { return running->progress().committed > 0; }))
+    ASSERT_TRUE(WaitUntil([&] { return running->progress().committed > 0; }))
         << ReadTextFile(folder_ / "w.log").value_or("");
   }
   say("5 cm");
   Running running(std::move(*Open(spec, folder_ / "second")));
-  ASSERT_TRUE(WaitFor([&] { return running->progress().complete || !worker.running(); }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().complete || !worker.running(); }));
   ASSERT_TRUE(running->progress().complete) << ReadTextFile(folder_ / "w.log").value_or("");
   running.Join();
 
@@ -135,10 +136,10 @@ TEST_F(WorkerClientTest, TerminatedWorkerReleasesItsWork) {
   ASSERT_TRUE(collector);
   Running running(std::move(*collector));
   Process worker = StartWorker(spec, folder_ / "w.log", 3'600'000);
-  ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
+  ASSERT_TRUE(WaitUntil([&] { return running->progress().workers == 1; }));
   auto statuses = bus::Reader<bus::WorkerStatus>::Open(*participant_, PartitionOf(running, spec));
   ASSERT_TRUE(statuses);
-  ASSERT_TRUE(WaitFor([&] {
+  ASSERT_TRUE(WaitUntil([&] {
     for (const auto& status : statuses->Take())
       if (status.token != 0) return true;
     return false;
@@ -195,7 +196,7 @@ TEST_F(WorkerClientTest, AStoppedWorkerHandsBackWhatItHadLeasedAhead) {
   ::setenv("FAKE_ADDRESS", "overheard", 1);
   Process worker = StartPrefetching(spec, folder_ / "w.log", 60'000);
   ::unsetenv("FAKE_ADDRESS");
-  EXPECT_TRUE(WaitFor([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     leases->Wait(200ms);
     const auto taken = leases->Take();
     return std::ranges::any_of(
@@ -240,7 +241,7 @@ TEST_F(WorkerClientTest, WhatALostChildWouldHaveDoneNextIsHandedBackAtOnce) {
     return [&](const WorkItem& item) -> Result<WorkResult> {
       if (++attempts == 2) return Fail(Code::kUnavailable, "enough");
       std::uint32_t step = 0;
-      EXPECT_TRUE(WaitFor([&] {
+      EXPECT_TRUE(WaitUntil([&] {
         item.progress("reach", ++step);
         return BeginsToLeaseAhead(*leases, item.index, leased_ahead);
       }));

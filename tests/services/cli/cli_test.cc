@@ -185,6 +185,11 @@ TEST_F(Cli, HeldOutWordsDependOnWhatIsTrained) {
   const Outcome unknown = Etude({"language", "held-out", "--tasks", "pussh"});
   EXPECT_EQ(unknown.exit_code, kExitUsage);
   EXPECT_THAT(unknown.text, HasSubstr("did you mean 'push'?"));
+  // as a campaign's objects: they were taken for names of one's own
+  EXPECT_THAT(JsonOf({"language", "held-out", "--objects", "generated:train"})["seen"].dump(), HasSubstr("\"apple\""));
+  const Outcome typo = Etude({"language", "held-out", "--objects", "cubee"});
+  EXPECT_EQ(typo.exit_code, kExitUsage);
+  EXPECT_THAT(typo.text, HasSubstr("did you mean 'cube'?"));
 }
 
 TEST_F(Cli, UpNamesWhatIsMissingInItsFile) {

@@ -5,12 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <thread>
 
 #include "services/core/clock.h"
 #include "tests/support/matchers.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
@@ -20,10 +20,7 @@ using namespace std::chrono_literals;
 
 constexpr std::uint32_t kDomain = 61;
 
-std::string Gateway() {
-  const char* folder = std::getenv("ETUDE_BIN");
-  return std::filesystem::absolute(Path(folder ? folder : "build/bin") / "etude-gateway").string();
-}
+std::string Gateway() { return std::filesystem::absolute(ProgramsFolder() / "etude-gateway").string(); }
 
 // Supervises until it has an address, fails, or 30 s have passed.
 Status Settle(DashboardService& service) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "services/core/clock.h"
+#include "services/core/share.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
@@ -39,7 +40,7 @@ class Hosted : public testing::Test {
   Result<std::unique_ptr<HostedCampaign>> Start() { return HostedCampaign::Start(*participant_, spec_, options_); }
   Result<campaign::Process> StartWorker() {
     return campaign::Process::Start(
-        {{(campaign::ProgramFolder() / "fake_worker").string(), spec_.name, std::to_string(kDomain), "0"},
+        {{(ProgramFolder() / "fake_worker").string(), spec_.name, std::to_string(kDomain), "0"},
          folder_ / "worker.log",
          {}});
   }

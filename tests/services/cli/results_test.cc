@@ -11,6 +11,7 @@
 #include "services/core/config.h"
 #include "services/store/dataset.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/run_command.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/write_program.h"
@@ -324,6 +325,15 @@ TEST_F(ResultsOfStandIns, AWholeDatasetIsCollectedOnce) {
   EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 1) << made.text;
   EXPECT_THAT(made.text, HasSubstr("train-a-7: etude train"));
   EXPECT_THAT(made.text, HasSubstr("train-a-8: etude train"));
+}
+
+// only from the root of the sources; a package has no such folder
+TEST_F(Results, TheRowsThatComeAlongAreFoundFromAnywhere) {
+  const auto said =
+      RunInShell("cd '" + folder_.path().string() + "' && '" +
+                 std::filesystem::absolute(ProgramsFolder() / "etude").string() + "' results --row nobodys 2>&1");
+  EXPECT_EQ(said.code, kExitUsage) << said.text;
+  EXPECT_THAT(said.text, HasSubstr("no such row"));
 }
 
 // a row of its own, of runs that are there: sentences are as many as their suite has

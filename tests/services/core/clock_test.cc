@@ -30,14 +30,5 @@ TEST(FormatDuration, RoundsToSecondsAndCarries) {
   EXPECT_EQ(FormatDuration(100 * 3600 + 61), "100:01:01");
 }
 
-TEST(MonotonicNs, NeverGoesBack) {
-  std::uint64_t last = MonotonicNs();
-  for (int i = 0; i < 1000; ++i) {
-    const std::uint64_t now = MonotonicNs();
-    ASSERT_GE(now, last);
-    last = now;
-  }
-}
-
 }  // namespace clock_test
 }  // namespace etude

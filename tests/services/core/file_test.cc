@@ -94,12 +94,18 @@ TEST_F(FileTest, ErrorsNameFileAndCause) {
 
 // What a user can mend is another kind of error than what only a programmer can.
 TEST(ErrnoError, TellsWhatIsMissingFromWhatTheMachineRefuses) {
-  for (const int refused :
-       {ENOSPC, EDQUOT, EFBIG, EROFS, EACCES, EPERM, EIO, EMFILE, ENFILE, ENOMEM, EAGAIN, ESTALE, ETIMEDOUT})
+  for (const int refused : {ENOSPC, EDQUOT, EFBIG, EROFS, EACCES, EPERM, EIO, EMFILE, ENFILE, ENOMEM, EAGAIN, ESTALE,
+                            ETIMEDOUT, ENOTCONN, ECONNABORTED, EHOSTDOWN})
     EXPECT_EQ(ErrnoError("write", "x", refused).code, Code::kUnavailable) << refused;
   EXPECT_EQ(ErrnoError("open", "x", ENOENT).code, Code::kNotFound);
   for (const int other : {EINVAL, EISDIR, EBADF}) EXPECT_EQ(ErrnoError("open", "x", other).code, Code::kInternal);
   EXPECT_EQ(ErrnoError("write", "/d/x", ENOSPC).message, "write '/d/x': No space left on device");
+}
+
+// a file system that is away answered that its mount point exists
+TEST_F(FileTest, AFolderThatCannotBeAskedIsNotMade) {
+  std::filesystem::create_symlink("loop", folder_ / "loop");
+  EXPECT_THAT(MakeFolders(folder_ / "loop" / "below"), MessageHas("symbolic links"));
 }
 
 TEST_F(FileTest, EveryByteComesBackAndTheLimitIsTheLastSizeThatFits) {

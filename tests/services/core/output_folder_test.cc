@@ -36,6 +36,14 @@ TEST(OutputFolder, TakesAnEmptyFoldersPlaceButNoOther) {
   EXPECT_EQ(*ReadTextFile(folder / "empty/x"), "1");
 }
 
+// hours of work went beside the link, and could not be renamed over it
+TEST(ClaimOutput, ALinkThatLeadsNowhereIsRefusedBeforeTheWork) {
+  const TemporaryFolder folder;
+  std::filesystem::create_symlink(folder / "scratch/out", folder / "out");
+  for (const Made made : {Made::kFile, Made::kFolder})
+    EXPECT_THAT(ClaimOutput(folder / "out", made, Leftover::kRefuse), MessageHas("where nothing is"));
+}
+
 TEST(OutputFolder, SaysWhatAnInterruptedCommandLeft) {
   const TemporaryFolder folder;
   ASSERT_THAT(WriteFileAtomically(folder / "out.partial/x", std::string_view("1")), IsOk());

@@ -85,11 +85,28 @@ TEST(Codec, ReplacesTextThatIsNotUtf8InsteadOfThrowing) {
 
 TEST(Codec, RefusesEveryTruncationAndEveryExtraByte) {
   const Bytes bytes = Encoded();
-  for (std::size_t size = 0; size < bytes.size(); size += size < 3000 ? 1 : 97)
+  for (std::size_t size = 0; size < bytes.size(); size += size < 3000 ? 1 : 97) {
     ASSERT_THAT(DecodeEpisode(std::span(bytes).first(size)), HasCode(Code::kCorrupt)) << size;
+    ASSERT_THAT(ViewEpisode(std::span(bytes).first(size)), HasCode(Code::kCorrupt)) << size;
+  }
   Bytes longer = bytes;
   longer.push_back(0);
   EXPECT_THAT(DecodeEpisode(longer), HasCode(Code::kCorrupt));
+  EXPECT_THAT(ViewEpisode(longer), HasCode(Code::kCorrupt));
+}
+
+// what a collector reads of whoever sends
+TEST(Codec, AViewIsOfBytesThatThisProgramWritesAndLeavesThePicturesThere) {
+  const Bytes bytes = Encoded();
+  const auto view = ViewEpisode(bytes);
+  ASSERT_THAT(view, IsOk());
+  EXPECT_EQ(EpisodeSha256(view->episode, view->frames), Sha256Hex(bytes));
+  EXPECT_TRUE(view->episode.cameras[0].frames.empty());
+  const auto frame = view->frames.at(0).at(0);
+  EXPECT_TRUE(frame.data() > bytes.data() && frame.data() + frame.size() <= bytes.data() + bytes.size());
+  const Bytes spaced = EditHeader(bytes, "\"index\":3", "\"index\": 3");
+  EXPECT_THAT(DecodeEpisode(spaced), IsOk()) << "the same episode";
+  EXPECT_THAT(ViewEpisode(spaced), MessageHas("not written as this program writes it"));
 }
 
 TEST(Codec, RefusesHeadersThatDoNotFitTheBlobs) {
@@ -119,8 +136,10 @@ TEST(Codec, RefusesHeadersThatDoNotFitTheBlobs) {
       {"\"objects\":[\"cube\"", "\"objects\":[7"},
       {"\"campaign\":", "\"kampagne\":"},
   };
-  for (const auto& [from, to] : edits)
+  for (const auto& [from, to] : edits) {
     EXPECT_THAT(DecodeEpisode(EditHeader(bytes, from, to)), HasCode(Code::kCorrupt)) << to;
+    EXPECT_THAT(ViewEpisode(EditHeader(bytes, from, to)), HasCode(Code::kCorrupt)) << to;
+  }
 }
 
 TEST(Codec, AcceptsTheHarnessOfItsOwnTest) {

@@ -4,9 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "services/bus/topic.h"
@@ -14,6 +12,7 @@
 #include "services/policy/insight_stream.h"
 #include "tests/services/policy/policy_asker.h"
 #include "tests/support/matchers.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::policy {
 namespace insight_viewer_test {
@@ -21,15 +20,6 @@ namespace insight_viewer_test {
 using namespace std::chrono_literals;
 
 constexpr char kFirst[] = "dddd000000000001", kSecond[] = "dddd000000000002";
-
-bool Until(const std::function<bool()>& done) {
-  const auto deadline = MonotonicClock::now() + 20s;
-  while (MonotonicClock::now() < deadline) {
-    if (done()) return true;
-    std::this_thread::yield();
-  }
-  return false;
-}
 
 // A server that shows what it is told to.
 class FakeServer {
@@ -73,7 +63,7 @@ class PolicyInsightViewer : public PolicyAsker {
 
   // Until the wish stands.
   static bool Meet(InsightViewer& viewer, FakeServer& server) {
-    return Until([&] {
+    return WaitUntil([&] {
       EXPECT_THAT(viewer.Take(), IsOk());
       const auto wish = server.Wish();
       return wish && wish->seconds > 0;
@@ -81,7 +71,7 @@ class PolicyInsightViewer : public PolicyAsker {
   }
   static std::optional<Insight> Await(InsightViewer& viewer) {
     std::optional<Insight> insight;
-    Until([&] {
+    WaitUntil([&] {
       auto taken = viewer.Take();
       EXPECT_THAT(taken, IsOk());
       if (taken && *taken) insight = std::move(**taken);
@@ -139,7 +129,7 @@ TEST_F(PolicyInsightViewer, AStreamIsEverybodysAndSaysWhoseServerItIs) {
   wish.what_if_json = R"({"worth":true})";
   auto stream = InsightStream::Open(participant_, {.name = "view-stream", .id = ""}, wish).value();
   const auto meet = [&](FakeServer& server) {
-    return Until([&] {
+    return WaitUntil([&] {
       EXPECT_THAT(stream.Take(), IsOk());
       return server.Wish() && server.Wish()->seconds > 0;
     });
@@ -154,7 +144,7 @@ TEST_F(PolicyInsightViewer, AStreamIsEverybodysAndSaysWhoseServerItIs) {
     server.Show("somebody else", "play-one", 1);
     std::vector<std::uint64_t> steps;
     const auto take = [&](std::size_t count) {
-      return Until([&] {
+      return WaitUntil([&] {
         for (const auto& insight : stream.Take().value()) steps.push_back(insight.checkpoint_step);
         return steps.size() == count;
       });
@@ -177,14 +167,14 @@ TEST_F(PolicyInsightViewer, TakesItsWishBack) {
     auto viewer = OpenViewer("view-end");
     ASSERT_TRUE(Meet(viewer, server));
   }
-  EXPECT_TRUE(Until([&] { return server.Wish()->seconds == 0; }));
+  EXPECT_TRUE(WaitUntil([&] { return server.Wish()->seconds == 0; }));
 }
 
 TEST_F(PolicyInsightViewer, SaysWhatANameThatMeansTwoServersMeans) {
   FakeServer one(participant_, "view-two", kFirst), other(participant_, "view-two", kSecond);
   auto viewer = OpenViewer("view-two");
   std::string said;
-  EXPECT_TRUE(Until([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     const auto taken = viewer.Take();
     if (!taken) said = taken.error().message;
     return !said.empty();

@@ -5,16 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
-#include "services/core/clock.h"
 #include "services/core/hash.h"
-#include "services/core/stop.h"
 #include "services/store/safetensors.h"
 
 namespace etude::relay {
@@ -59,13 +56,6 @@ class ExampleRun {
   Result<bus::Announcement> presence_;
   Result<bus::BlobPublisher> publisher_;
 };
-
-/// Looks again and again, at most 20 s.
-inline bool WaitFor(const std::function<bool()>& condition) {
-  const Stopwatch watch;
-  while (!condition() && watch.Seconds() < 20) WaitForStop(std::chrono::milliseconds(5));
-  return condition();
-}
 
 inline void ExpectSame(const bus::PublishedBlob& got, const bus::PublishedBlob& wanted) {
   EXPECT_EQ(got.channel, wanted.channel);

@@ -5,15 +5,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <map>
 #include <optional>
 
+#include "services/core/clock.h"
 #include "services/relay/kept_checkpoints.h"
 #include "services/security/checkpoint_signature.h"
 #include "tests/services/bus/two_processes.h"
 #include "tests/services/relay/example_run.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::relay {
 namespace relay_test {
@@ -235,7 +238,7 @@ TEST_F(RelayTest, IsFoundByTheRunsNameWhileTheRunIsNotThere) {
   EXPECT_EQ(found->kind, bus::PresenceKind::kRelay);
   EXPECT_EQ(found->id, run_.id);
   const auto run = Begin({});
-  ASSERT_TRUE(WaitFor([&] { return directory.FindPublisher(by_name, 1s).value()->kind == bus::PresenceKind::kRun; }));
+  ASSERT_TRUE(WaitUntil([&] { return directory.FindPublisher(by_name, 1s).value()->kind == bus::PresenceKind::kRun; }));
 }
 
 TEST_F(RelayTest, AFolderOfAnotherNameIsLeftAlone) {

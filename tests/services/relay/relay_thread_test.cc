@@ -12,6 +12,7 @@
 #include "tests/services/relay/example_run.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::relay {
 namespace relay_thread_test {
@@ -38,14 +39,38 @@ TEST(RelayThread, FollowsTheRunsOfItsNameAndServesTheLastOneAfterARestart) {
   {
     const RelayThread relay(peers.a, {"named", ""}, options);
     auto run = begin(first, 900);
-    ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == first.id; }));
+    ASSERT_TRUE(WaitUntil([&] { return KeptId(options.folder) == first.id; }));
     run.reset();
     run = begin(second, 1);
-    ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+    ASSERT_TRUE(WaitUntil([&] { return KeptId(options.folder) == second.id; }));
   }
   const RelayThread relay(peers.a, {"named", ""}, options);
   auto subscriber = bus::BlobSubscriber::Open(peers.b, second, "latest").value();
   ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(second.id, "latest", 1, 1));
+}
+
+// started again, it took the other user's run for its own, and removed what it was the last to have
+TEST(RelayThread, StartedAgainItDoesNotGoOnWithAnotherUsersRun) {
+  const auto peers = bus::OpenTwo(kDomain);
+  const TemporaryFolder folder;
+  const bus::Owner mine{"shared", "aaaa000000000001"}, theirs{"shared", "bbbb000000000002"};
+  const RelayOptions options{.folder = folder / "relay", .patience = 50ms};
+  {
+    const RelayThread relay(peers.a, {"shared", ""}, options);
+    ExampleRun run(peers.b, mine, folder / mine.id);
+    run.Publish(ExampleBlob(mine.id, "latest", 900, 900));
+    ASSERT_TRUE(WaitUntil([&] { return KeptId(options.folder) == mine.id; }));
+  }
+  auto presence = bus::MakePresence(bus::PresenceKind::kRun, theirs.name, theirs.id, folder / "theirs");
+  presence.user = "somebody-else";
+  const auto there = bus::Announcement::Open(peers.b, presence, Claim::kRefuse).value();
+  auto publisher = bus::BlobPublisher::Open(peers.b, theirs).value();
+  const auto blob = ExampleBlob(theirs.id, "latest", 1, 1);
+  ASSERT_TRUE(publisher.Publish(blob.channel, blob.version, blob.bytes, blob.meta_json));
+  const RelayThread again(peers.a, {"shared", ""}, options);
+  auto subscriber = bus::BlobSubscriber::Open(peers.b, mine, "latest").value();
+  ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(mine.id, "latest", 900, 900));
+  EXPECT_EQ(KeptId(options.folder), mine.id);
 }
 
 TEST(RelayThread, OffersTheLastRunUntilItIsClearWhichOneFollowsIt) {
@@ -57,20 +82,20 @@ TEST(RelayThread, OffersTheLastRunUntilItIsClearWhichOneFollowsIt) {
   auto run = std::make_unique<ExampleRun>(peers.b, first, folder / first.id);
   run->Publish(ExampleBlob(first.id, "latest", 900, 900));
   const RelayThread relay(peers.a, {"unclear", ""}, options);
-  ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == first.id; }));
+  ASSERT_TRUE(WaitUntil([&] { return KeptId(options.folder) == first.id; }));
   ExampleRun next(peers.b, second, folder / second.id);
   auto other = std::make_unique<ExampleRun>(peers.b, third, folder / third.id);
   next.Publish(ExampleBlob(second.id, "latest", 1, 1));
   // both are known before the first one goes
   auto directory = bus::Directory::Open(peers.a).value();
-  ASSERT_TRUE(WaitFor([&] { return directory.Matching(bus::PresenceKind::kRun, {"unclear", ""}).size() == 3; }));
+  ASSERT_TRUE(WaitUntil([&] { return directory.Matching(bus::PresenceKind::kRun, {"unclear", ""}).size() == 3; }));
   run.reset();
 
   auto subscriber = bus::BlobSubscriber::Open(peers.b, first, "latest").value();
   ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(first.id, "latest", 900, 900));
   EXPECT_EQ(KeptId(options.folder), first.id);
   other.reset();
-  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+  EXPECT_TRUE(WaitUntil([&] { return KeptId(options.folder) == second.id; }));
 }
 
 // two users with a default name: the server that it is beside of waits too
@@ -83,10 +108,10 @@ TEST(RelayThread, BegunWhereItsNameMeansTwoRunsItRelaysTheOneThatIsLeft) {
   ExampleRun other(peers.b, second, folder / second.id);
   other.Publish(ExampleBlob(second.id, "latest", 1, 1));
   auto directory = bus::Directory::Open(peers.a).value();
-  ASSERT_TRUE(WaitFor([&] { return directory.Matching(bus::PresenceKind::kRun, {"doubled", ""}).size() == 2; }));
+  ASSERT_TRUE(WaitUntil([&] { return directory.Matching(bus::PresenceKind::kRun, {"doubled", ""}).size() == 2; }));
   const RelayThread relay(peers.a, {"doubled", ""}, options);
   run.reset();
-  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+  EXPECT_TRUE(WaitUntil([&] { return KeptId(options.folder) == second.id; }));
 }
 
 // What it is beside of goes on, and so does it once it can.
@@ -102,7 +127,7 @@ TEST(RelayThread, AFolderThatItCannotHaveYetIsSaidAndTriedAgain) {
   const RelayThread relay(peers.a, {run.name, run.id}, options);
   holder.reset();
   published.Publish(ExampleBlob(run.id, "latest", 5, 5));
-  EXPECT_TRUE(WaitFor([&] { return KeptId(options.folder) == run.id; }));
+  EXPECT_TRUE(WaitUntil([&] { return KeptId(options.folder) == run.id; }));
 }
 
 }  // namespace relay_thread_test

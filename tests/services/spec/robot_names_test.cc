@@ -12,8 +12,7 @@ namespace robot_names_test {
 using ::testing::HasSubstr;
 
 TEST(RobotNames, AreThoseOfTheFilesThatComeAlong) {
-  EXPECT_THAT(KnownRobots(), testing::IsSupersetOf({"ur5", "panda", "jaco2", "sketch"}));
-  for (const std::string& name : KnownRobots()) {
+  for (const char* name : {"ur5", "panda", "jaco2", "sketch"}) {
     const auto file = FindRobot(name);
     ASSERT_TRUE(file) << file.error().message;
     EXPECT_TRUE(std::filesystem::is_regular_file(*file)) << file->string();

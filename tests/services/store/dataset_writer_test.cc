@@ -389,5 +389,25 @@ TEST(ForEachAttempt, LeavesOutWhatIsTornTooLongOrNotUnderstood) {
   EXPECT_EQ(count(), (std::vector<std::uint64_t>{1, 6, 8}));
 }
 
+// the link was taken for a folder that is yet to be made: all was forgotten, and made again
+TEST(DatasetWriter, EpisodesOnADiskThatIsAwayAreNotNone) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  const Path data = folder / "d";
+  {
+    auto writer = DatasetWriter::Open(data, spec);
+    ASSERT_THAT(writer, IsOk());
+    ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec, 0, 10)), IsOk());
+  }
+  const std::string journal = *ReadTextFile(data / "commits.jsonl");
+  std::filesystem::rename(data / "episodes", folder / "away");
+  std::filesystem::create_directory_symlink(folder / "disk", data / "episodes");
+
+  EXPECT_THAT(DatasetWriter::Open(data, spec), HasCode(Code::kUnavailable));
+  EXPECT_THAT(Verify(data, Quarantine::kYes), HasCode(Code::kUnavailable));
+
+  EXPECT_EQ(*ReadTextFile(data / "commits.jsonl"), journal);
+}
+
 }  // namespace dataset_writer_test
 }  // namespace etude::store

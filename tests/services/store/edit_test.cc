@@ -2,6 +2,7 @@
 // Tests services/store/edit.cc, groups.cc and filter_keys.cc
 #include "services/store/edit.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,8 +15,8 @@
 #include "services/core/stop.h"
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
-#include "tests/faults/small_disk.h"
 #include "tests/support/matchers.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
@@ -200,7 +201,7 @@ TEST_F(Edit, NothingIsDeletedOnceAStopIsAskedFor) {
 
 // on a full disk one deletes, and what was to be deleted could not be written down
 TEST_F(Edit, ADeletionOnAFullDiskMakesItsOwnRoom) {
-  const faults::SmallDisk disk(folder_ / "disk", "8m");
+  const SmallDisk disk(folder_ / "disk", "8m");
   if (!disk.mounted()) GTEST_SKIP() << "a small tmpfs needs root";
   const Path data = folder_ / "disk/data";
   {
@@ -221,7 +222,7 @@ TEST_F(Edit, ADeletionOnAFullDiskMakesItsOwnRoom) {
 
 // before, the first episode was removed all the same, and made no room: its bytes had another name
 TEST_F(Edit, ADeletionOnAFullDiskTakesNothingWhereItMakesNoRoom) {
-  const faults::SmallDisk disk(folder_ / "disk", "8m");
+  const SmallDisk disk(folder_ / "disk", "8m");
   if (!disk.mounted()) GTEST_SKIP() << "a small tmpfs needs root";
   const Path data = folder_ / "disk/data", copy = folder_ / "disk/copy";
   {
@@ -238,6 +239,36 @@ TEST_F(Edit, ADeletionOnAFullDiskTakesNothingWhereItMakesNoRoom) {
   ASSERT_THAT(WriteFileAtomically(copy / "more", std::string(8192, 'x')), HasCode(Code::kUnavailable));
   EXPECT_THAT(DeleteEpisodes(copy, {1, 3}), HasCode(Code::kUnavailable));
   EXPECT_THAT(List(copy), ElementsAre(0, 1, 2, 3));
+}
+
+// two master files had no room, and neither that deletion nor any other ever ended
+TEST_F(Edit, ADeletionEndsWhereASecondMasterFileHasNoRoom) {
+  const SmallDisk disk(folder_ / "disk", "8m");
+  if (!disk.mounted()) GTEST_SKIP() << "a small tmpfs needs root";
+  const Path data = folder_ / "disk/data", copy = folder_ / "disk/copy";
+  {
+    auto writer = DatasetWriter::Open(data, spec_);
+    ASSERT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; i < 4; ++i) ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 400)), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
+  }
+  ASSERT_THAT(CopyEpisodes(data, {0, 1, 2, 3}, copy, Leftover::kRefuse), IsOk());
+  std::string keys = "{";  // which the master file lists, too
+  for (int n = 0; n < 200; ++n) keys += fmt::format("{}\"key{}\": [0, 2]", n == 0 ? "" : ",", n);
+  ASSERT_THAT(WriteFileAtomically(copy / "filters.json", keys + "}"), IsOk());
+  ASSERT_THAT(internal::RefreshDerived(copy), IsOk());
+  const Path full = folder_ / "disk/ballast";
+  std::ofstream ballast(full, std::ios::binary);
+  const std::string block(4096, 'x');
+  while (ballast.write(block.data(), static_cast<std::streamsize>(block.size())).flush()) {
+  }
+  const auto size = std::filesystem::file_size(full);
+  ASSERT_GT(std::filesystem::file_size(copy / "dataset.hdf5"), 10 * 4096);
+  std::filesystem::resize_file(full, size - 8 * 4096);
+
+  EXPECT_THAT(DeleteEpisodes(copy, {1, 3}), IsOk());
+
+  EXPECT_THAT(List(copy), ElementsAre(0, 2));
 }
 
 TEST_F(Edit, EndsADeletionThatWasInterrupted) {

@@ -210,6 +210,35 @@ TEST(Verify, ReportsAlsoWhereNothingCanBeMoved) {
   EXPECT_TRUE(std::filesystem::exists(dataset.File(4)));
 }
 
+// the damaged ones were moved, and nothing told which they had been
+TEST(Verify, ReportsAlsoWhereTheMasterFileCannotBeWritten) {
+  const Dataset dataset;
+  std::filesystem::remove(dataset.path / "dataset.hdf5");
+  std::filesystem::create_directories(dataset.path / "dataset.hdf5/in_the_way");
+  Overwrite(dataset.File(1), {1, 2, 3});
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_THAT(report->moved, IsOk());
+  EXPECT_THAT(report->refreshed, MessageHas("dataset.hdf5"));
+  EXPECT_EQ(report->bad.size(), 1u);
+}
+
+// what a desktop, rsync or NFS keeps beside an episode is no damaged one
+TEST(Verify, LeavesHiddenFilesOfOthersAlone) {
+  const Dataset dataset;
+  const Path hidden = dataset.path / "episodes/000/._000001.hdf5";
+  Overwrite(hidden, {1});
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_THAT(report->bad, testing::IsEmpty());
+  EXPECT_EQ(report->good, kEpisodes);
+  EXPECT_TRUE(std::filesystem::exists(hidden));
+}
+
 TEST(Verify, KeepsBothWhenTheSameNumberIsQuarantinedTwice) {
   const Dataset dataset;
   for (int n = 0; n < 2; ++n) {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace etude::host {
 namespace messages_test {
 
@@ -78,6 +80,18 @@ TEST(Messages, WhatIsWrongIsRefused) {
   EXPECT_EQ(ErrorOf({{"code", 3}}).code, Code::kCorrupt);
   const policy::Question question{.instruction = "", .joints = {}, .width = 1 << 20, .height = 1 << 20};
   EXPECT_FALSE(QuestionOf({FrameKind::kQuestion, QuestionHead(question), {}})) << "no such picture is there";
+}
+
+// the bytes of a rollout said another reason than without slots
+TEST(Messages, ARotationThatIsNoneArrivesAsOne) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  policy::Answer answer;
+  answer.waypoints = {{{{0.1, 0.2, 0.3}, Eigen::Quaterniond(nan, nan, nan, nan)}, 0}};
+  const auto arrived = AnswerOf(Travelled(AnswerHead(answer)));
+  ASSERT_TRUE(arrived) << arrived.error().message;
+  EXPECT_TRUE(arrived->waypoints.at(0).X_WE.q.coeffs().array().isNaN().all());
+  EXPECT_EQ(arrived->waypoints.at(0).X_WE.p.z(), 0.3);
+  EXPECT_FALSE(AnswerOf({{"waypoints", {{{"pose", {1, 2}}, {"gripper", 0}}}}}));
 }
 
 }  // namespace messages_test

@@ -7,6 +7,7 @@
 
 #include "services/core/clock.h"
 #include "services/core/file.h"
+#include "services/core/share.h"
 #include "services/spec/task_name.h"
 #include "tests/support/temporary_folder.h"
 
@@ -19,7 +20,7 @@ using testing::HasSubstr;
 class SlotTest : public testing::Test {
  protected:
   SlotTest()
-      : slot_({.argv = {(campaign::ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
+      : slot_({.argv = {(ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
                .name = "s0",
                .stall = 5000ms}) {}
   void SetUp() override { ASSERT_TRUE(slot_.Begin(Hasty({"ab", {}, ""}))); }
@@ -88,7 +89,7 @@ TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campa
 
 // A campaign may be more patient than a host.
 TEST_F(SlotTest, IsAsPatientAsItsCampaign) {
-  Slot hasty({.argv = {(campaign::ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
+  Slot hasty({.argv = {(ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
               .name = "s1",
               .stall = 100ms});
   campaign::JoinedCampaign patient{"ef", {}, ""};
