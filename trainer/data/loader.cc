@@ -3,13 +3,14 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <bit>
 
 #include "services/core/log.h"
 
 namespace etude::data {
 namespace {
-// unreadable pictures of one batch that are replaced before it is given up
+// unreadable pictures of one batch that are replaced before it is given up; of a larger one as many as it has
 constexpr int kMaxReplacements = 100;
 }  // namespace
 
@@ -41,7 +42,8 @@ Result<std::unique_ptr<Batch>> Loader::MakeStep(std::uint64_t step, FrameScratch
     std::size_t bad = 0;
     const Status status = maker_->Make(*snapshot, samples, step, Augment::kYes, scratch, *batch, &bad);
     if (status) return batch;
-    if (samples.empty() || status.error().code == Code::kInvalidArgument || retry > kMaxReplacements)
+    if (samples.empty() || status.error().code == Code::kInvalidArgument ||
+        retry > std::max(kMaxReplacements, config_.batch))
       return Fail(status.error().Wrap(fmt::format("make batch {}", step)));
     samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry, config_.rest)[bad];
     const MutexLock lock(mutex_);

@@ -160,6 +160,7 @@ Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path&
   ETUDE_ASSIGN_OR_RETURN(const Path path, policy::FindNamedFile(name_or_file, {experiments}, "experiment"));
   const Resolver resolver({path.parent_path() / "policies", experiments / "policies"}, graph_of);
   ETUDE_ASSIGN_OR_RETURN(OrderedJson json, policy::ReadYamlMap(path));
+  MoveFreeze(json);  // what is said of init.freeze beside the file comes after it
   for (const auto& text : overrides) ETUDE_RETURN_IF_ERROR(resolver.Override(json, text));
   ETUDE_RETURN_IF_ERROR(resolver.Policy(json));
   ETUDE_RETURN_IF_ERROR(resolver.Additions(json));

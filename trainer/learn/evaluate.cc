@@ -264,6 +264,7 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
   Status status;
   std::size_t visited = 0, unreadable = 0;
   for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(set.batch)) {
+    if (set.between) set.between();
     const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(set.batch));
     std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
                                     samples.begin() + static_cast<std::ptrdiff_t>(end));
@@ -281,7 +282,8 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
 }
 
 Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
-                            const std::vector<data::Sample>& samples, int level, int batch) {
+                            const std::vector<data::Sample>& samples, int level, int batch,
+                            const std::function<void()>& between) {
   Sums sums;
   const policy::TokenGrid grid(policy.config().image);
   double loss = 0;
@@ -297,7 +299,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
       AddAttention(module, output->second, part.inputs, part.labels, grid, sums);
     }
   };
-  ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));
+  ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch, between}, measure));
   Evaluation result = Summarize(policy.config(), sums);
   result.metrics["loss"] = loss / static_cast<double>(measured);
   return result;

@@ -30,6 +30,7 @@ struct ValidationSet {
   const std::vector<data::Sample>& samples;
   int level = 0;  ///< modules up to this one
   int batch = 64;
+  std::function<void()> between = nullptr;  ///< before each batch: all of them may take long
 };
 
 /// Called with the samples of one batch, what the policy saw of them, and what it said.
@@ -43,9 +44,11 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
 /// Runs modules of level <= `level` over `samples` without augmentation, in evaluation mode; the
 /// policy is back in training mode afterwards. Accuracies of relabelled sentences count as much as
 /// the demonstrated one's.
+/// @param between  as of a ValidationSet
 /// @error of reading frames; kNotFound when there are no samples.
 Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
-                            const std::vector<data::Sample>& samples, int level, int batch);
+                            const std::vector<data::Sample>& samples, int level, int batch,
+                            const std::function<void()>& between = nullptr);
 
 /// How often the policy's class head names the object that a sentence means, and its task head the task (0..1):
 ///   "LANG.unseen"  the paper's Table 11, which training never shows: other words, other order

@@ -181,8 +181,16 @@ void AveragedWeights::Measure() {
   for (int i = 0; i < kStatisticBatches; ++i) {
     const std::uint64_t number = run_.step * kStatisticBatches + static_cast<std::uint64_t>(i);
     const auto& drawn = run_.config.data;
-    const auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, drawn.batch, 0, drawn.rest);
-    if (const Status made = run_.maker->Make(*snapshot, samples, number, data::Augment::kYes, scratch, batch); !made) {
+    auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, drawn.batch, 0, drawn.rest);
+    std::size_t bad = 0;
+    const auto make = [&] {
+      return run_.maker->Make(*snapshot, samples, number, data::Augment::kYes, scratch, batch, &bad);
+    };
+    Status made = make();
+    // what cannot be read is left out, and not all that was drawn with it
+    for (; !made && made.error().code != Code::kInvalidArgument && samples.size() > 1; made = make())
+      samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(bad));
+    if (!made) {
       Log().warn("statistics of averaged weights: a batch is left out: {}", made.error().message);
       continue;
     }

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <netdb.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
@@ -12,7 +14,9 @@
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
 #include "services/core/clock.h"
+#include "services/core/descriptor.h"
 #include "services/core/hash.h"
+#include "services/core/log.h"
 #include "services/core/stop.h"
 #include "trainer/learn/nccl.h"
 
@@ -110,6 +114,24 @@ struct Ranks::Impl {
   }
 };
 
+std::string AddressTowards(const std::string& host, std::uint16_t port) {
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_DGRAM;  // to connect one sends nothing
+  addrinfo* found = nullptr;
+  if (::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found) != 0) return "";
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owner(found, ::freeaddrinfo);
+  const Descriptor socket(::socket(found->ai_family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_storage own{};
+  socklen_t size = sizeof own;
+  auto* const address = reinterpret_cast<sockaddr*>(&own);
+  std::array<char, NI_MAXHOST> text{};
+  if (!socket || ::connect(socket.get(), found->ai_addr, found->ai_addrlen) != 0 ||
+      ::getsockname(socket.get(), address, &size) != 0 ||
+      ::getnameinfo(address, size, text.data(), text.size(), nullptr, 0, NI_NUMERICHOST) != 0)
+    return "";
+  return text.data();
+}
+
 Result<Meeting> Meeting::Open(const RanksOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(Store store, OpenStore(options));
   Meeting meeting;
@@ -136,8 +158,11 @@ Result<std::unique_ptr<Ranks>> Ranks::Join(const Meeting& meeting, const RanksOp
     ETUDE_RETURN_IF_ERROR(WaitForAll(*impl->store, options));
     auto gloo = c10d::ProcessGroupGloo::Options::create(options.patience);
     const bool here = options.host == "127.0.0.1" || options.host == "localhost";
-    gloo->devices.push_back(here ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
-                                 : c10d::ProcessGroupGloo::createDefaultDevice());
+    const std::string own = here ? "127.0.0.1" : AddressTowards(options.host, options.port);
+    if (!here && own.starts_with("127."))
+      Log().warn("ranks: '{}' is {} here, where no other host finds it: give --meet an address", options.host, own);
+    gloo->devices.push_back(own.empty() ? c10d::ProcessGroupGloo::createDefaultDevice()
+                                        : c10d::ProcessGroupGloo::createDeviceForHostname(own));
     impl->group = c10::make_intrusive<c10d::ProcessGroupGloo>(impl->store, options.rank, options.size, gloo);
     if (AreCardsApart(Cards(*impl->store, options.size)))
       impl->card_sum = OpenCardSum(c10::make_intrusive<c10d::PrefixStore>("nccl", impl->store), options.rank,

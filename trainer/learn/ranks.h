@@ -24,12 +24,16 @@ struct RanksOptions {
   std::string host = "127.0.0.1";      ///< of rank 0
   std::uint16_t port = 0;              ///< of rank 0; 0 at rank 0: any free one, see Meeting
   torch::Device device = torch::kCPU;  ///< that this rank computes on
-  /// A silence after which the others count as lost: longer than an evaluation, a checkpoint and the wait for data. A
-  /// wait for room on the disk is no silence (KeepWaiting).
+  /// A silence after which the others count as lost: longer than a checkpoint, a validation's batch and the wait for
+  /// data. Validations and waits for room on the disk are no silence (KeepWaiting).
   std::chrono::milliseconds patience{300'000};
   /// Asked some times a second while the ranks come together; an error ends that with its words. None: nothing is.
   std::function<Status()> watch = nullptr;
 };
+
+/// The address of this machine from which `host` is reached, as numbers; "": it cannot be told. What a host's own name
+/// stands for is no answer: in Debian's /etc/hosts that is 127.0.1.1, where no other host finds it.
+std::string AddressTowards(const std::string& host, std::uint16_t port);
 
 /// Where ranks find each other; rank 0's process holds it.
 class Meeting {

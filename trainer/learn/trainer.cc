@@ -69,6 +69,12 @@ struct Trainer::Impl {
   Status KeepSteps();
   Status WatchSource();
   void TellRanks();
+  // the others wait for the next step meanwhile
+  std::function<void()> KeepRanksWaiting() {
+    return [this] {
+      if (run.options.ranks) run.options.ranks->KeepWaiting();
+    };
+  }
   Status SaveAndEnd(const Error& lost);
   Status Finish();
   Status NoteEnd(Status ended);
@@ -152,8 +158,8 @@ void Trainer::Impl::TellErrors(policy::Policy& policy) {
   const auto snapshot = run.dataset->snapshot();
   const auto samples =
       data::SpreadFrames(*snapshot, data::Split::kValid, MixSeed({run.config.seed}, "valid"), run.config.eval.frames);
-  const auto cells =
-      MeasureErrors(policy, {*run.maker, *snapshot, samples, run.scheduler->level(), run.config.data.batch});
+  const auto cells = MeasureErrors(
+      policy, {*run.maker, *snapshot, samples, run.scheduler->level(), run.config.data.batch, KeepRanksWaiting()});
   if (!cells) return Log().warn("cannot tell where validation errs: {}", cells.error().message);
   if (!cells->empty()) hooks.on_errors(*cells, run.step);
 }
@@ -165,8 +171,9 @@ Status Trainer::Impl::Measure() {
   auto& policy = run.replicas->front();
   try {
     const AveragedWeights averaged(run);
-    ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
-                                                           run.scheduler->level(), run.config.data.batch));
+    ETUDE_ASSIGN_OR_RETURN(run.evaluation,
+                           learn::Evaluate(policy, *run.maker, *run.validation, samples, run.scheduler->level(),
+                                           run.config.data.batch, KeepRanksWaiting()));
     const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), NounsOf(*run.dataset));
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
@@ -224,8 +231,9 @@ Status Trainer::Impl::AfterStep() {
       ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
     reporter.Restart();
   }
-  if (run.step % static_cast<std::uint64_t>(run.config.checkpoint.every_steps) == 0 && run.checkpoint_step != run.step)
-    ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
+  // the last one is kept behind its validation: Finish does both
+  const bool due = run.step % static_cast<std::uint64_t>(run.config.checkpoint.every_steps) == 0 && run.Progress() < 1;
+  if (due && run.checkpoint_step != run.step) ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
   if (measured) ETUDE_RETURN_IF_ERROR(KeepSteps());
   return {};
 }

@@ -168,8 +168,8 @@ void CheckpointSink::AwaitSubscribers() {
 
 Status CheckpointSink::Prune() const {
   std::error_code error;
-  const Path best = fs::read_symlink(LinkOf(folder_, kBest), error);
-  const Path latest = fs::read_symlink(LinkOf(folder_, kLatest), error);
+  const Path best = fs::read_symlink(LinkOf(folder_, kBest), error).filename();  // somebody may have made it a path
+  const Path latest = fs::read_symlink(LinkOf(folder_, kLatest), error).filename();
   std::vector<Path> files;
   for (const auto& item : fs::directory_iterator(folder_, error)) {
     const Path name = item.path().filename();

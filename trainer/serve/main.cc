@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <thread>
@@ -100,6 +99,8 @@ Status Serve(const Arguments& arguments) {
   options.accept = bus::AcceptSigned(std::move(verifier));
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(options.run, ParseRun(arguments.subscribe, "--subscribe"));
+    // what is wrong with its folder the relay says; it keeps nobody from serving
+    if (!arguments.relay.empty()) options.before = relay::KeptRun(arguments.relay).value_or(std::nullopt);
   } else {
     ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device,
                                                   arguments.any_camera ? Cameras::kAny : Cameras::kTrained));
@@ -139,10 +140,7 @@ Result<checkpoint::Metadata> ReadGraph(const std::string& text) {
     ETUDE_ASSIGN_OR_RETURN(auto read, checkpoint::ReadFile(text));
     return std::move(read.metadata);
   }
-  const char* share = std::getenv("ETUDE_SHARE");
-  std::error_code ignored;
-  const Path program = std::filesystem::read_symlink("/proc/self/exe", ignored);
-  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments(share ? share : "", program));
+  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments());
   ETUDE_ASSIGN_OR_RETURN(const auto json, policy::ReadPolicyMap(text, {experiments / "policies"}));
   checkpoint::Metadata metadata;
   ETUDE_ASSIGN_OR_RETURN(metadata.policy, FromJson<policy::PolicyConfig>(json, text));

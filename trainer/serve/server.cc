@@ -218,6 +218,12 @@ Status PolicyServer::Impl::FollowRuns() {
     watched.Moved();
     // a run that is named by its whole id need not be there: it may have published all it ever will
     std::string run_id = options.run.id, user;
+    if (const auto before = std::exchange(options.before, std::nullopt); before && !IsId(run_id)) {
+      directory.WaitForOthers();
+      const bool fits = before->name == options.run.name && before->id.starts_with(run_id);
+      if (fits && !directory.Replaced(bus::PresenceKind::kRun, options.run, before->id, before->user))
+        run_id = before->id, user = before->user;
+    }
     if (!IsId(run_id)) {
       const auto found = directory.FindPublisher(options.run, 1s);
       // what is served serves on; and a service is not started again after an error of usage, which this is for people

@@ -11,6 +11,7 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
+#include "services/relay/kept_checkpoints.h"
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/serve/latency.h"
 #include "trainer/serve/model.h"
@@ -21,6 +22,8 @@ struct ServerOptions {
   Selector run;                    ///< whose checkpoints are served: NAME, or NAME@ID
   std::string folder;              ///< of the checkpoint that is served, for people
   std::string channel = "latest";  ///< of the checkpoints to follow: latest | best
+  /// Whose checkpoints an earlier server of `run` followed: it gives way to its own user's next run alone.
+  std::optional<relay::KeptOwner> before = {};
   /// Whose checkpoints of the run are taken, see BlobSubscriber; empty: all.
   std::function<Status(const bus::PublishedBlob&)> accept;
   int threads = 1;                     ///< observations evaluated side by side

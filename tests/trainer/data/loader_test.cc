@@ -80,6 +80,19 @@ TEST_F(LoaderTest, ReplacesPicturesThatCannotBeRead) {
   EXPECT_GT(loader.replaced_frames(), 0u);
 }
 
+// a hundred of them ended a training on large batches that small ones went on with
+TEST_F(LoaderTest, ReplacesAsManyAsABatchHas) {
+  const auto snapshot = dataset_->snapshot();
+  for (std::size_t i = 0; i < snapshot->episodes().size(); i += 2)
+    std::filesystem::resize_file(snapshot->episodes()[i]->record.path, 100);
+  config_.batch = 512;
+  config_.prefetch = 1;
+  Loader loader(dataset_, Maker(), config_, 3, 0);
+  const auto batch = loader.Next();
+  ASSERT_TRUE(batch) << batch.error().message;
+  EXPECT_GT(loader.replaced_frames(), 100u);
+}
+
 TEST_F(LoaderTest, EndsWithAnErrorWhenNoPictureCanBeRead) {
   const auto snapshot = dataset_->snapshot();
   for (const auto& entry : snapshot->episodes()) std::filesystem::resize_file(entry->record.path, 100);

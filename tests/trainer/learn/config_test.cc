@@ -285,5 +285,14 @@ TEST(LoadTrainConfig, ReadsFreezeWhereItStoodBefore) {
   EXPECT_THAT(config->init.freeze, testing::ElementsAre("TAR3D"));
 }
 
+// `--resume --freeze LANG` of an older run was passed over without a word
+TEST(LoadTrainConfig, WhatIsSaidNowComesBeforeTheFreezeOfOldFiles) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(WriteFileAtomically(folder / "old.yaml", std::string_view("policy: compact/base\nfreeze: []\n")));
+  const auto config = LoadTrainConfig((folder / "old.yaml").string(), kExperiments, {"init.freeze=[LANG]"});
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_THAT(config->init.freeze, testing::ElementsAre("LANG"));
+}
+
 }  // namespace config_test
 }  // namespace etude::learn

@@ -99,6 +99,15 @@ Hits CountByHand(const Part& part, const policy::ModuleOutput& looks, int side) 
   return count;
 }
 
+// the other ranks of a long validation took this one for lost
+TEST_F(EvaluateTest, SaysThatItIsThereBeforeEachBatch) {
+  ASSERT_NO_FATAL_FAILURE(Prepare(TinyConfig()));
+  const auto policy = Untrained(1);
+  std::size_t said = 0;
+  ASSERT_TRUE(Evaluate(*policy, *maker_, *snapshot_, samples_, 5, 8, [&] { ++said; }));
+  EXPECT_EQ(said, (samples_.size() + 7) / 8);
+}
+
 TEST_F(EvaluateTest, LeavesOutPicturesThatCannotBeReadAndEndsWhereNoneCan) {
   TrainConfig config = TinyConfig({"data.cache_mb=0"});
   ASSERT_NO_FATAL_FAILURE(Prepare(config));

@@ -4,6 +4,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netdb.h>
 
 #include <cmath>
 #include <filesystem>
@@ -34,6 +37,21 @@ void AsRanks(int size, Work&& work, std::chrono::milliseconds patience = 30s, to
       work(std::shared_ptr<Ranks>(std::move(*ranks)));
     });
   for (auto& thread : threads) thread.join();
+}
+
+// each said what its own name stands for: 127.0.1.1 on a Debian host, where the others found themselves
+TEST(Ranks, SayTheAddressFromWhichTheyReachRankZero) {
+  EXPECT_EQ(AddressTowards("127.0.0.1", 7000), "127.0.0.1");
+  EXPECT_EQ(AddressTowards(std::string(300, 'x'), 7000), "");  // no name: nobody is asked
+  ifaddrs* all = nullptr;
+  ASSERT_EQ(::getifaddrs(&all), 0);
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {  // each address of this machine is reached from itself
+    if (!one->ifa_addr || one->ifa_addr->sa_family != AF_INET || (one->ifa_flags & IFF_LOOPBACK)) continue;
+    char text[NI_MAXHOST];
+    ASSERT_EQ(::getnameinfo(one->ifa_addr, sizeof(sockaddr_in), text, sizeof text, nullptr, 0, NI_NUMERICHOST), 0);
+    EXPECT_EQ(AddressTowards(text, 7000), text);
+  }
+  ::freeifaddrs(all);
 }
 
 TEST(Ranks, SumAndFollowTheOrdersOfRankZero) {

@@ -388,5 +388,22 @@ TEST_F(TrainerTest, CountsWhatEachModuleWasTrainedAndWritesTheLimitThatItKept) {
   EXPECT_GE(written->steps, 1u);
 }
 
+// it was kept before the validation of the same step, and said what an earlier one had measured
+TEST_F(TrainerTest, TheLastCheckpointSaysWhatItsOwnValidationMeasured) {
+  const auto config = [](const char* steps, const char* lr) {
+    return TinyConfig({steps, lr, "eval.every_steps=20", "checkpoint.every_steps=30", "curriculum.enabled=false",
+                       "optimizer.schedule=constant", "optimizer.warmup_steps=0"});
+  };
+  ASSERT_TRUE(Train(config("steps=20", "optimizer.lr=0.01"), folder_ / "run"));
+  std::map<std::uint64_t, double> said;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+    said[kept.metadata.step] = kept.metadata.metrics.at("loss");
+    return {};
+  };
+  ASSERT_TRUE(Train(config("steps=30", "optimizer.lr=0.5"), folder_ / "run", true, hooks));  // worse: no new best
+  EXPECT_EQ(said.at(30), Curve(folder_ / "run", "valid", "loss").at(30));
+}
+
 }  // namespace trainer_test
 }  // namespace etude::learn

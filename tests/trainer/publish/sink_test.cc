@@ -51,6 +51,21 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
   EXPECT_FALSE(sink->HasBest()) << "the link alone is none";
 }
 
+// a promotion by hand may name the file by its whole path: it was removed with the old ones
+TEST(CheckpointSink, KeepsTheBestHoweverItIsNamed) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  auto sink = CheckpointSink::Open(folder.path(), {"demo", "", 1}, nullptr, 2);
+  ASSERT_TRUE(sink) << sink.error().message;
+  for (std::uint64_t step = 1; step <= 5; ++step) {
+    ASSERT_TRUE(sink->Save(checkpoint::ExampleCheckpoint(config, step)));
+    if (step == 1)
+      std::filesystem::create_symlink(folder / "checkpoints/00000001.safetensors",
+                                      folder / "checkpoints/best.safetensors");
+  }
+  EXPECT_TRUE(sink->HasBest());
+}
+
 TEST(CheckpointSink, LeavesFilesOfOtherNamesToTheirOwner) {
   const TemporaryFolder folder;
   const auto config = policy::TinyConfig();

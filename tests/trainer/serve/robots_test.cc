@@ -8,17 +8,15 @@
 
 #include <thread>
 
-#include "services/bus/access.h"
 #include "services/bus/directory.h"
 #include "services/bus/owner.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/identity.h"
 #include "services/policy/client.h"
-#include "services/security/authority.h"
 #include "tests/services/bus/two_processes.h"
+#include "tests/support/authority.h"
 #include "tests/support/matchers.h"
-#include "tests/support/temporary_folder.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_question.h"
 #include "trainer/serve/server.h"
@@ -32,24 +30,6 @@ using security::Role;
 // What they are called outside of this process (two_processes.h).
 constexpr std::uint32_t kRun = 79, kRobots = 89;
 constexpr char kId[] = "eeee000000000005";
-
-class Authority {
- public:
-  Authority() { EXPECT_THAT(security::InitAuthority(folder_.path(), security::Protection::kEncrypt), IsOk()); }
-  std::string Issue(const std::string& name, Role role) const {
-    const auto now = static_cast<std::int64_t>(WallSeconds());
-    const auto issued = security::Issue(folder_.path(), {.name = name,
-                                                         .roles = {role},
-                                                         .grants = bus::GrantsFor({role}, name, {}, {}),
-                                                         .not_before = now - 60,
-                                                         .not_after = now + 86'400});
-    EXPECT_THAT(issued, IsOk());
-    return issued ? issued->string() : "";
-  }
-
- private:
-  const TemporaryFolder folder_;
-};
 
 std::string ProfileOf(std::uint32_t outside) {
   return bus::LocalProfileWith("<ExternalDomainId>" + std::to_string(outside) + "</ExternalDomainId>");

@@ -12,6 +12,7 @@
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/episode/action.h"
+#include "services/relay/kept_checkpoints.h"
 #include "services/relay/relay_thread.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -383,6 +384,41 @@ TEST(PolicyServer, StartedAfterTheRunHasEndedItServesWhatARelayHas) {
     server.Stop();
     serving.join();
   }
+}
+
+// started again, it took the other user's run of the name for the one that it had served
+TEST(PolicyServer, StartedAgainItDoesNotGoOnWithAnotherUsersRun) {
+  const TemporaryFolder folder;
+  const std::string run = "serve-shared", theirs = "bbbb000000000002";
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  const relay::RelayThread relay(participant, {run, kId}, {.folder = folder / "relay", .patience = 50ms});
+  const auto deadline = std::chrono::steady_clock::now() + 40s;
+  {
+    const auto mine = bus::Announcement::Open(
+        participant, bus::MakePresence(bus::PresenceKind::kRun, run, kId, folder / "run"), Claim::kRefuse);
+    ASSERT_TRUE(mine) << mine.error().message;
+    auto sink = publish::CheckpointSink::Open(folder / "run", {run, kId, 1}, &participant).value();
+    ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(policy::TinyConfig(), 7)));
+    const auto kept = [&] { return std::filesystem::exists(folder / "relay" / "kept.json"); };
+    while (!kept() && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    ASSERT_TRUE(kept());
+  }
+  auto presence = bus::MakePresence(bus::PresenceKind::kRun, run, theirs, folder / "theirs");
+  presence.user = "somebody-else";
+  const auto there = bus::Announcement::Open(participant, presence, Claim::kRefuse);
+  ASSERT_TRUE(there) << there.error().message;
+  auto sink = publish::CheckpointSink::Open(folder / "theirs", {run, theirs, 1}, &participant).value();
+  ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(policy::TinyConfig(), 9)));
+
+  const auto before = relay::KeptRun(folder / "relay");
+  ASSERT_TRUE(before && *before);
+  auto server = PolicyServer::Open(participant, {.run = {run, ""}, .before = *before}, nullptr).value();
+  ASSERT_TRUE(server.Follow());
+  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+  while (server.checkpoint_step() == 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+  EXPECT_EQ(server.checkpoint_step(), 7u);
+  server.Stop();
+  serving.join();
 }
 
 }  // namespace server_test
