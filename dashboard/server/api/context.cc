@@ -29,6 +29,11 @@ double BegunOf(std::uint64_t folder_since, const bus::Presence* presence) {
 
 }  // namespace
 
+bool AnnouncesRollouts(const live::LiveCampaign& campaign) {
+  const OrderedJson spec = ParseBoundedJson(campaign.spec_json).value_or(OrderedJson());
+  return sources::TextOf(spec, "mode") == "rollout";
+}
+
 // Step by step, each at the end of the lane's queue, so that requests come in between; until `step` says that there
 // is no more to do. One at a time by `key`.
 void Context::InBackground(http::Lane lane, const std::string& key, std::function<bool()> step) {

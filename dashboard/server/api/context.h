@@ -63,6 +63,9 @@ struct Context {
       : sources(all), live(std::move(view)), later(std::move(run_later)), security(secured), jobs(runner) {}
 };
 
+/// Whether it is an evaluation's: a policy drives.
+bool AnnouncesRollouts(const live::LiveCampaign& campaign);
+
 void AddHomeRoutes(http::Router& router, Context& context);
 void AddFleetRoutes(http::Router& router, Context& context);
 void AddCampaignRoutes(http::Router& router, Context& context);

@@ -40,7 +40,9 @@ OrderedJson StagesJson(const sources::RunView& view, const RunState& state) {
   OrderedJson stages = OrderedJson::array();
   for (auto& [stage, row] : rows) {
     if (row.name.empty()) row.name = NameOfLevel(view.config, stage);
-    const bool ended = row.to || (state.state == "finished" && stage == state.stage);
+    // no line tells the end of the last one: it is the run's
+    if (!row.to && state.state == "finished" && stage == state.stage) row.to = state.step;
+    const bool ended = row.to.has_value();
     stages.push_back({{"stage", stage},
                       {"name", row.name},
                       {"from_step", sources::Maybe(row.from)},

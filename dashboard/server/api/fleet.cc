@@ -259,12 +259,14 @@ OrderedJson HostJson(const HostRow& host, std::size_t most_workers) {
 
 // What a worker does follows from its campaign's spec and the episode's index.
 void AddTasks(Context& context, std::vector<HostRow*>& hosts) {
+  std::map<std::string, std::shared_ptr<sources::DatasetSource>> datasets;  // nullptr: its files are not here
   for (auto* host : hosts)
     for (auto& worker : host->workers) {
       if (!worker.index) continue;
-      const auto source = context.sources.Dataset(worker.campaign);
-      if (!source) continue;
-      const auto about = (*source)->About(*worker.index);
+      const auto [dataset, is_new] = datasets.try_emplace(worker.campaign);
+      if (is_new) dataset->second = context.sources.Dataset(worker.campaign).value_or(nullptr);
+      if (!dataset->second) continue;
+      const auto about = dataset->second->About(*worker.index);
       worker.task = about.task, worker.target = about.target, worker.robot = about.robot;
     }
 }

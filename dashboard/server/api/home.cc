@@ -30,7 +30,7 @@ constexpr std::size_t kMostSources = 200;
 
 OrderedJson SourceJson(const std::string& kind, const Found& found, const std::string& name, const std::string& state,
                        double updated, bool live) {
-  const bool dataset = found.kind == Kind::kDataset && !found.folder.empty();
+  const bool dataset = found.kind == Kind::kDataset && (!found.folder.empty() || !found.eval.empty());
   return {{"id", found.id},
           {"kind", kind},
           {"name", name},

@@ -264,11 +264,6 @@ std::set<std::string> RolloutsHere(Context& context) {
   return identities;
 }
 
-bool AnnouncesRollouts(const live::LiveCampaign& campaign) {
-  const OrderedJson spec = ParseBoundedJson(campaign.spec_json).value_or(OrderedJson());
-  return sources::TextOf(spec, "mode") == "rollout";
-}
-
 // Of demonstrations, with what is on the bus alone.
 std::vector<DatasetMetrics> DatasetsNow(Context& context, const live::LiveView& live) {
   std::vector<DatasetMetrics> datasets;

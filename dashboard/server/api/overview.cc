@@ -89,6 +89,7 @@ Overview LookOver(Context& context) {
     if (known || !campaign.present) continue;
     Found found;
     found.id = BusId(campaign.presence);
+    if (AnnouncesRollouts(campaign)) found.eval = found.id;  // of its evaluation no more is known here
     all.datasets.push_back({found, nullptr, StateOf(nullptr, &campaign), campaign.presence.name});
   }
   for (const auto& [id, run] : all.live->runs) {

@@ -207,9 +207,16 @@ class Parsers {
 // What the training of a checkpoint said that a server serves: of a run below this gateway's folders, from the headers
 // of its checkpoints. Nothing: none is found, or only its hash could tell, which is then made.
 std::optional<std::set<std::string>> WordsServed(Context& context, const bus::PolicyStatus& served) {
-  const auto all = context.sources.catalog().List();
-  for (const auto& found : *all) {
-    if (found.kind != sources::Kind::kRun) continue;
+  constexpr std::size_t kMostRuns = 1000, kMostLooked = 40;
+  auto runs = context.sources.catalog().NewestOf(sources::Kind::kRun, kMostRuns).found;
+  // the run itself, where it is here; else, by their hashes, those that changed last
+  const auto own = std::ranges::find_if(runs, [&](const auto& found) {
+    return !served.run_id.empty() && context.sources.identities().Of(found.folder) == served.run_id;
+  });
+  const bool is_here = own != runs.end();
+  if (is_here) std::iter_swap(runs.begin(), own);
+  runs.resize(is_here ? 1 : std::min(runs.size(), kMostLooked));
+  for (const auto& found : runs) {
     const auto opened = OpenRun(context, found.id);
     if (!opened) continue;
     for (const auto& checkpoint : opened->view->checkpoints) {

@@ -245,7 +245,6 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
   ETUDE_ASSIGN_OR_RETURN(const auto points, request.query.Integer("points", 600, 2, 2000));
   const std::string x = request.query.Get("x").value_or("step");
   const double batch = sources::NumberOf(PartOf(opened.view->config, "data"), "batch").value_or(1);
-  const double sentences = sources::NumberOf(PartOf(opened.view->config, "data"), "sentences").value_or(1);
   const auto keys = KeysOf(request.query);
   if (keys.size() > kMostKeys) return Fail(Code::kInvalidArgument, fmt::format("keys: at most {}", kMostKeys));
   store::Safetensors content;
@@ -253,7 +252,7 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
   for (const auto& key : keys) {
     const auto found = opened.view->metrics.series().find(key);
     if (found == opened.view->metrics.series().end()) continue;  // a module's figures begin with its stage
-    ETUDE_ASSIGN_OR_RETURN(const auto abscissa, Abscissa(found->second, x, batch * std::max(1.0, sentences)));
+    ETUDE_ASSIGN_OR_RETURN(const auto abscissa, Abscissa(found->second, x, batch));
     const auto buckets = sources::Bucketed(abscissa, found->second.value, from, to, static_cast<std::size_t>(points));
     content.tensors[key + "/x"] = TensorOf(store::DType::kF64, buckets.x);
     content.tensors[key + "/min"] = TensorOf(store::DType::kF64, buckets.min);
@@ -394,7 +393,7 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
   const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
   OrderedJson next;
   const auto every = sources::UnsignedOf(PartOf(opened.view->config, "checkpoint"), "every_steps").value_or(0);
-  if (every > 0 && state.state != "finished") next = (state.step / every + 1) * every;
+  if (every > 0 && state.state == "running") next = (state.step / every + 1) * every;
   return http::JsonAnswer({{"run", id},
                            {"checkpoints", rows},
                            {"next_step", next},

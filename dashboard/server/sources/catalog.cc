@@ -21,9 +21,9 @@ namespace {
 constexpr int kDeepest = 5;  // folders below a root
 constexpr std::size_t kMostFound = 1'000;
 constexpr std::chrono::seconds kScanEvery{3};
-// what only holds files of what was found already
-constexpr std::array<std::string_view, 6> kClosed{"episodes",   "videos",  "checkpoints",
-                                                  "quarantine", "objects", "node_modules"};
+// what holds many files and nothing that is looked for; and, below what was found, what only holds its own files
+constexpr std::array<std::string_view, 4> kClosed{"videos", "quarantine", "objects", "node_modules"};
+constexpr std::array<std::string_view, 2> kClosedBelow{"episodes", "checkpoints"};
 
 std::string WithHash(const std::string& id, const std::string& shown) {
   return id + "-" + Sha256Hex(shown).substr(0, 8);
@@ -106,8 +106,7 @@ class Search {
       open.pop_front();
       const std::size_t before = found_.size();
       const std::string eval = Note(step);
-      const bool logs = found_.size() > before || step.folder.filename() == "logs";
-      if (step.depth < kDeepest) entries += Enter(step, eval, logs, open);
+      if (step.depth < kDeepest) entries += Enter(step, eval, found_.size() > before, open);
     }
     return open.empty() && entries < most_entries_;
   }
@@ -143,8 +142,9 @@ class Search {
     return *kind == Kind::kEval ? step.shown : "";
   }
 
-  // logs: files that end in .log are ours
-  std::size_t Enter(const Step& step, const std::string& eval, bool logs, std::deque<Step>& open) {
+  // found: the folder itself is one that was looked for
+  std::size_t Enter(const Step& step, const std::string& eval, bool found, std::deque<Step>& open) {
+    const bool logs = found || step.folder.filename() == "logs";  // files that end in .log are ours
     std::vector<Path> folders;
     std::size_t entries = 0;
     std::error_code error;
@@ -154,7 +154,9 @@ class Search {
       std::error_code ignored;
       if (name.starts_with('.') || it->is_symlink(ignored) || it->path() == left_out_) continue;
       if (it->is_directory(ignored)) {
-        if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
+        const bool closed = std::ranges::find(kClosed, name) != kClosed.end() ||
+                            (found && std::ranges::find(kClosedBelow, name) != kClosedBelow.end());
+        if (!closed) folders.push_back(it->path());
       } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
         logs_.push_back({step.shown + "/" + name, step.folder, name});
       }

@@ -25,6 +25,16 @@ constexpr std::size_t kMostUnreadable = 20;      // named
 constexpr std::uint64_t kJsonBytes = 16 << 20;
 constexpr std::size_t kFewest = 8;  // episodes of a task, to call one of them odd
 
+// When something last came to a folder of the episodes or went: a hundred of them hold a hundred thousand files.
+std::vector<std::filesystem::file_time_type> FolderTimes(const Path& dataset) {
+  const Path episodes = store::EpisodePath(dataset, 0).parent_path().parent_path();
+  std::error_code error, ignored;
+  std::vector<std::filesystem::file_time_type> times{std::filesystem::last_write_time(episodes, ignored)};
+  for (std::filesystem::directory_iterator it(episodes, error), end; !error && it != end; it.increment(error))
+    if (it->is_directory(ignored)) times.push_back(it->last_write_time(ignored));
+  return times;
+}
+
 // What the journal leaves at 0 was not measured.
 std::optional<double> Measured(double value) { return value > 0 ? std::optional(value) : std::nullopt; }
 
@@ -159,8 +169,11 @@ std::set<std::uint64_t> DatasetView::UsedUp() const {
   return used_up;
 }
 
-DatasetSource::DatasetSource(Found found)
-    : found_(std::move(found)), commits_(found_.folder, kMostRows), attempts_(found_.folder / "attempts.jsonl") {}
+DatasetSource::DatasetSource(Found found, std::chrono::milliseconds settled)
+    : found_(std::move(found)),
+      settled_(settled),
+      commits_(found_.folder, kMostRows),
+      attempts_(found_.folder / "attempts.jsonl") {}
 
 Status DatasetSource::ReadSpec() {
   const FileStamp stamp = StampOf(found_.folder / "dataset.json");
@@ -262,7 +275,11 @@ void DatasetSource::ReadEnd() {
 
 // The files decide what is committed: the journal may be behind, or of episodes that were set aside.
 Status DatasetSource::ListEpisodes() {
+  auto times = FolderTimes(found_.folder);
+  const auto now = MonotonicClock::now();
+  if (!changed_ && times == folder_times_ && now - folders_changed_ > settled_) return {};
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader_->List());
+  if (times != folder_times_) folder_times_ = std::move(times), folders_changed_ = now;
   const std::size_t before = rows_.size();
   std::erase_if(rows_, [&](const auto& item) { return !std::ranges::binary_search(indices, item.first); });
   changed_ = changed_ || rows_.size() != before;

@@ -84,7 +84,8 @@ struct DatasetView {
 /// Thread-safe.
 class DatasetSource {
  public:
-  explicit DatasetSource(Found found);
+  /// @param settled  so long after a folder of episodes changed it is listed at each look: times of files are coarse
+  explicit DatasetSource(Found found, std::chrono::milliseconds settled = std::chrono::seconds(3));
 
   const Found& found() const { return found_; }
   /// As it is now; files are looked at again at most twice a second. @error of the store
@@ -119,6 +120,7 @@ class DatasetSource {
   };
 
   const Found found_;
+  const std::chrono::milliseconds settled_;
   mutable Mutex mutex_;
   MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
   std::optional<store::DatasetReader> reader_ ETUDE_GUARDED_BY(mutex_);
@@ -129,6 +131,8 @@ class DatasetSource {
   store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
   FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);
   JsonLines attempts_ ETUDE_GUARDED_BY(mutex_);
+  std::vector<std::filesystem::file_time_type> folder_times_ ETUDE_GUARDED_BY(mutex_);
+  MonotonicClock::time_point folders_changed_ ETUDE_GUARDED_BY(mutex_){};
   std::map<std::uint64_t, EpisodeRow> rows_ ETUDE_GUARDED_BY(mutex_);
   std::vector<AttemptRow> failures_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const DatasetView> view_ ETUDE_GUARDED_BY(mutex_);

@@ -85,6 +85,23 @@ TEST(Gateway, AllAddressesAreShownAsOneThatABrowserOpens) {
   serving.join();
 }
 
+// "NAME as it stands in the browser" has its port there: every request was refused
+TEST(Gateway, AHostIsKnownAsABrowserShowsIt) {
+  TemporaryFolder folder;
+  auto options = Options(folder.path());
+  options.hosts = {"http://lab-7"};
+  EXPECT_THAT(Gateway::Open(options), HasCode(Code::kInvalidArgument));
+  options.hosts = {"Lab-7:8080", "fd00::1"};
+  auto gateway = Gateway::Open(options);
+  ASSERT_THAT(gateway, IsOk());
+  std::thread serving([&] { (*gateway)->Run(); });
+  EXPECT_EQ(StatusOf((*gateway)->port(), "127.0.0.1", "lab-7:9"), 200u);
+  EXPECT_EQ(StatusOf((*gateway)->port(), "127.0.0.1", "[fd00::1]:9"), 200u);
+  EXPECT_EQ(StatusOf((*gateway)->port(), "127.0.0.1", "lab-8"), 403u);
+  (*gateway)->Stop();
+  serving.join();
+}
+
 TEST(Gateway, OtherMachinesNeedAToken) {
   TemporaryFolder folder;
   auto options = Options(folder.path());

@@ -3,7 +3,6 @@
 // the same scenes.
 //   node make_lab.mjs FOLDER     (minutes; ETUDE_BIN, ETUDE_DOMAIN)
 import { appendFileSync, mkdtempSync, readdirSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { readJson } from './files.mjs';
 import { Program, bin, etude } from './programs.mjs';
@@ -23,7 +22,7 @@ const say = (what) => console.log(`${((Date.now() - began) / 1000).toFixed(0).pa
 /** The expert fails in one of some hundred attempts: what a collector notes of one is written here, for the pages to show. */
 async function noteAFailure(index, attempt) {
   say(`notes a failure of attempt ${attempt} at episode ${index}`);
-  const work = mkdtempSync(join(tmpdir(), 'etude-attempt-'));
+  const work = mkdtempSync(at('attempt-'));
   const made = new Program(join(bin, 'etude'), ['attempt', 'replay', at('data'), '--index', String(index), '--attempt', String(attempt), '--out', join(work, 'out')]);
   if (await made.ended !== 0) throw new Error(`the attempt cannot be made: ${made.said}`);
   const { seed } = readJson(join(work, 'out', 'plan.json'));

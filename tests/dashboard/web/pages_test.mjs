@@ -25,6 +25,10 @@ before(async () => {
   browser = await launch();
   home = await get('/home');
   pages = await addresses(gateway.address);
+  if (!process.env.ETUDE_LAB) return;
+  // of the lab everything is there: a test that returns early would have looked at nothing
+  for (const page of ['episode', 'attempt', 'training', 'inside', 'checkpoints', 'evaluation', 'kept', 'compare', 'rollout']) assert.ok(pages[page], `the gateway has no page ${page} of the lab`);
+  assert.ok(!(await get('/fleet')).live, `somebody else is on the bus: ${onDomain.join(' ')}`);
 });
 
 after(async () => {

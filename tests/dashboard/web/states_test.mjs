@@ -713,6 +713,20 @@ const rolloutOf = (index, success, more = {}) => ({ index, seed: '1', task: 'pic
   violations: [], disturbed_objects: [], steps: 9, decisions: 3, latency_steps: 0, checkpoint_step: 200, error_cm: {}, error_before_contact_cm: {}, video: null, insight: false, ...more });
 const rolloutsOf = (...rows) => ({ total: rows.length, failed: rows.filter((one) => !one.success).length, next: null, rows });
 
+test('Evaluation: of one that is over nothing is still to come', async () => {
+  let state = 'running';
+  const answers = { '/home': await homeOf([source('eval', 'a'), source('run', 'r')]), '/evals/a': () => evalOf('a', 2, 3, { episodes: 4, state }), '/evals/a/rows': () => rolloutsOf(rolloutOf(0, true), rolloutOf(1, true), rolloutOf(2, false)) };
+  await open('/evaluation?eval=a', answers, async (page) => {
+    await page.waitForSelector('[data-eval-summary]:has-text("1 to go")');
+    await page.waitForSelector('.seeds .open', { state: 'attached' });
+    state = 'finished';
+    await page.reload();
+    await page.waitForSelector('[data-eval-summary]:has-text("1 given up")');
+    await page.waitForSelector('[data-scene="2"]');
+    assert.equal(await page.locator('.seeds .open').count(), 0);
+  });
+});
+
 test('Evaluation: of the scene that is picked alone something is shown, and what nobody picked stays', async () => {
   let [rows, one] = [[rolloutOf(3, false), rolloutOf(0, true)], () => rolloutsOf()];
   const answers = { '/home': await homeOf([source('eval', 'a'), source('run', 'r')]), '/evals/a': evalOf('a', 1, 2, { episodes: 9 }), '/evals/a/rows': (url) => (url.searchParams.has('index') ? one() : rolloutsOf(...rows)) };

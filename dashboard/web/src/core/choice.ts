@@ -12,7 +12,7 @@ export function parameterOf(kind: Kind): string {
 
 export function ofKind(all: readonly Source[], kind: Kind, rollouts = false): Source[] {
   return all.filter((one) => {
-    if (kind === 'campaign') return one.kind === 'campaign' || (one.kind === 'dataset' && one.role !== 'rollouts');
+    if (kind === 'campaign') return (one.kind === 'campaign' || one.kind === 'dataset') && one.role !== 'rollouts';
     return one.kind === kind && (kind !== 'dataset' || rollouts || one.role !== 'rollouts');
   });
 }

@@ -26,6 +26,11 @@ function wanted(of: Eval): number {
   return of.episodes - Number(of.scenes?.invalid ?? 0);
 }
 
+/** Rollouts that are still to come: none of an evaluation that is over, which may have given some up. */
+function ahead(of: Eval): number {
+  return of.state === 'finished' ? 0 : Math.max(0, wanted(of) - of.done);
+}
+
 function Content(props: { of: Eval }) {
   const { of } = props;
   const [named] = parameter('vs');
@@ -36,13 +41,13 @@ function Content(props: { of: Eval }) {
     <>
       <div class="page-head">
         <StateChip state={of.state} />
-        <div class="row" data-eval-summary><Figure large value={of.done ? percent(s.share) : none} label="success" /><span class="secondary">[{fixed(100 * s.low, 1)} {fixed(100 * s.high, 1)}]<br /><span data-figure="successes">{count(s.successes)}</span> of {count(of.overall.n)}{of.done < wanted(of) && `, ${count(wanted(of) - of.done)} to go`}</span></div>
+        <div class="row" data-eval-summary><Figure large value={of.done ? percent(s.share) : none} label="success" /><span class="secondary">[{fixed(100 * s.low, 1)} {fixed(100 * s.high, 1)}]<br /><span data-figure="successes">{count(s.successes)}</span> of {count(of.overall.n)}{ahead(of) > 0 ? `, ${count(ahead(of))} to go` : of.done < wanted(of) && `, ${count(wanted(of) - of.done)} given up`}</span></div>
         <span class="fill" />
         {of.checkpoint && <Chip>step {count(of.checkpoint.step)}{of.checkpoint.sha256 && <> · <span class="mono">{short(of.checkpoint.sha256)}</span></>}</Chip>}
         {of.run_id ? <a href={link('training', { run: of.run_id })}>run {nameOf(of.run_id)}</a> : <span class="muted">{of.run}</span>}
         <span class="muted">scenes of seed <span class="mono" data-seed>{of.seed}</span></span>
       </div>
-      {of.done < wanted(of) && <div class="bar" role="img" aria-label={`${of.done} of ${wanted(of)}`}><div style={{ width: `${(100 * of.done) / Math.max(1, wanted(of))}%` }} /></div>}
+      {ahead(of) > 0 && <div class="bar" role="img" aria-label={`${of.done} of ${wanted(of)}`}><div style={{ width: `${(100 * of.done) / Math.max(1, wanted(of))}%` }} /></div>}
       <div class="grid wide">
         <Panel title="Success by task" aside={<span class="small muted">strict judge</span>}><Dots label="Success by task" rows={[...of.per_task, of.overall].map((one) => proportion(one))} /></Panel>
         <Panel title="What else happened"><Reports of={of} /></Panel>
@@ -145,7 +150,7 @@ function Scenes(props: { of: Eval; versus: string }) {
   const first = useFirst(page, listing, (all) => (failed && order === 'failures' ? all[0] : all.find((one) => !one.success)));
   // of another scene than the one that is picked nothing is shown
   const row = picked ? here ?? (other.pending ? undefined : other.data?.rows[0]) : first;
-  const open = wanted(of) - of.done;
+  const open = ahead(of);
   return (
     <div class="columns main-side">
       <div class="stack">

@@ -73,6 +73,21 @@ TEST_F(OverviewTest, CampaignsAndRunsThatNoFolderHasAreSources) {
   EXPECT_EQ(kinds["right@dddd0004"], "run");
 }
 
+// a colleague's `etude eval` was what every page called its demonstrations
+TEST_F(OverviewTest, AnEvaluationWhoseFilesLieElsewhereIsNoDemonstrations) {
+  auto away = Present(bus::PresenceKind::kCampaign, "eval-0123", "aaaa0001");
+  away.since = 4'000'000'000u;
+  model_.Directory({away}, MonotonicClock::now());
+  bus::CampaignAnnouncement said;
+  said.spec_json = R"({"mode": "rollout"})";
+  model_.On(away.id, said, MonotonicClock::now());
+  const auto home = Home();
+  EXPECT_EQ(home["tiles"]["demonstrations"]["source"], "lab.data");
+  EXPECT_THAT(home["sentence"].get<std::string>(), testing::Not(testing::HasSubstr("eval-")));
+  for (const auto& source : home["sources"])
+    if (source["id"] == "eval-0123@aaaa0001") EXPECT_EQ(source["role"], "rollouts");
+}
+
 // before, all that was live had changed now, and took the first place from each other with every look
 TEST_F(OverviewTest, OfWhatRunsThatWhichWasBegunLastIsFirstWhoeverWroteLast) {
   const auto ids = [](const OrderedJson& home, const char* kind) {

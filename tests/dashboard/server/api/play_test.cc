@@ -124,12 +124,16 @@ TEST_F(PlayApiTest, AWordIsSeenWhereTheTrainingOfThePolicySaidIt) {
   const auto alone = GetJson(address);
   EXPECT_EQ(alone["words_of"], "campaign") << "nobody is known to serve it";
   EXPECT_EQ(alone["words"][0]["seen"], true);
+  WriteExampleRun(lab_.root() / "another");  // which comes first by name
+  std::filesystem::remove(lab_.root() / "another" / "identity.json");
+  ASSERT_TRUE(Until([this] { return sources_.catalog().Find(sources::Kind::kRun, "lab.another").has_value(); }));
   Serve();
   const auto trained = GetJson(address);
   EXPECT_EQ(trained["words_of"], "training");
   EXPECT_EQ(trained["words"][0], (OrderedJson{{"text", "push"}, {"seen", false}}));
   EXPECT_EQ(trained["words"][2], (OrderedJson{{"text", "coke"}, {"seen", true}}));
   EXPECT_EQ(trained["task"], "push") << "what it means does not depend on the training";
+  EXPECT_TRUE(later_.empty()) << "no other run was opened, and none is hashed";
 }
 
 // before, all commands waited in one queue: a session that hung kept the Stop of every other one for eight seconds

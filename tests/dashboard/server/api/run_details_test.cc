@@ -58,7 +58,10 @@ TEST(StagesJson, AnAdvanceEndsOneStageAndBeginsTheNext) {
   EXPECT_TRUE(stages[1]["to_step"].is_null());
   EXPECT_EQ(stages[1]["name"], "stage 2") << "as the trainer calls it";
   state.state = "finished";
-  EXPECT_THAT(StatesOf(StagesJson(view, state)), ElementsAre("done", "done", "ahead"));
+  state.step = 240;
+  const auto over = StagesJson(view, state);
+  EXPECT_THAT(StatesOf(over), ElementsAre("done", "done", "ahead"));
+  EXPECT_EQ(over[1]["to_step"], 240) << "of which no line tells";
 }
 
 TEST(StagesJson, OfARunThatWasResumedTheLastWordCounts) {
@@ -169,6 +172,16 @@ TEST_F(RunDetails, TheCsvHasAllKindsAndRunsUnderTheSameColumns) {
   EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?run=lab.none").status, 404);
 }
 
+// of a run that nobody trains no checkpoint is due
+TEST_F(RunDetails, TheNextCheckpointIsOfARunThatIsTrained) {
+  const Path metrics = lab_.root() / "run" / "metrics.jsonl";
+  const std::string text = ReadTextFile(metrics).value() + "\n";  // behind the torn line
+  ASSERT_THAT(WriteFileAtomically(
+                  metrics, text + R"({"kind": "end", "cause": "stopped", "step": 200, "time": 1795369822})" + "\n"),
+              IsOk());
+  EXPECT_TRUE(GetJson(kPrefix + "/runs/lab.run/checkpoints")["next_step"].is_null());
+}
+
 TEST_F(RunDetails, SeriesTakeAnyAbscissaAndSpan) {
   const auto numbers = [&](const std::string& query, const std::string& tensor) {
     const auto arrays = GetArrays(kPrefix + "/runs/lab.run/series?keys=train/loss&" + query);
@@ -180,8 +193,8 @@ TEST_F(RunDetails, SeriesTakeAnyAbscissaAndSpan) {
   // what is not finite stands for itself, whatever is finite beside it
   EXPECT_THAT(numbers("x=elapsed", "train/loss/last"), ElementsAre(2, 1, testing::IsNan(), 0.5));
   EXPECT_THAT(numbers("x=time&from=1795369690", "train/loss/x"), ElementsAre(1795369700, 1795369750, 1795369800));
-  // 32 pictures with six sentences each a step
-  EXPECT_THAT(numbers("x=samples", "train/loss/x"), ElementsAre(9600, 19200, 28800, 38400));
+  // 32 pictures a step, as samples_per_second counts them
+  EXPECT_THAT(numbers("x=samples", "train/loss/x"), ElementsAre(1600, 3200, 4800, 6400));
   EXPECT_THAT(numbers("from=60&to=120", "train/loss/last"), ElementsAre(1));
   EXPECT_THAT(numbers("points=2", "train/loss/max"), ElementsAre(2, testing::IsNan(), 0.5)) << "buckets of equal width";
   EXPECT_THAT(numbers("x=elapsed", "train/loss/step"), ElementsAre(50, 100, 150, 200));

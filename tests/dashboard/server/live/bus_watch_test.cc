@@ -19,6 +19,7 @@
 #include "tests/services/bus/two_processes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::live {
 namespace bus_watch_test {
@@ -258,16 +259,6 @@ TEST_F(LiveModelTest, WhatWorkersAreReadyForIsCompared) {
   EXPECT_NE(prints.at("w0"), prints.at("w2"));
 }
 
-// Looks until it is so, for 20 s at most.
-template <class Condition>
-bool Eventually(Condition&& condition) {
-  for (const auto end = MonotonicClock::now() + 20s; MonotonicClock::now() < end;) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(20ms);
-  }
-  return false;
-}
-
 // What is warned of while it lives.
 class Warned {
  public:
@@ -294,11 +285,11 @@ TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   auto reporter = bus::ProcessReporter::Start(*participant, {.role = "collector", .every = 50ms});
   ASSERT_THAT(reporter, IsOk());
   BusWatch watch({kDomain, "", "text"});
-  EXPECT_TRUE(Eventually([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     const auto view = watch.View();
     return view->processes.contains((*reporter)->process()) && !view->endpoints->empty();
   }));
-  EXPECT_TRUE(Eventually([&] {
+  EXPECT_TRUE(WaitUntil([&] {
     const auto samples = watch.Newest("etude/process/status");
     return samples && !samples->empty() && samples->front().message["role"].is_string();
   }));
@@ -309,7 +300,7 @@ TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   ASSERT_TRUE(watch.View()->processes.contains(process));
   reporter->reset();
   participant = Fail(Code::kUnavailable, "it has ended");
-  EXPECT_TRUE(Eventually([&] { return !watch.View()->processes.contains(process); })) << "long before the minute";
+  EXPECT_TRUE(WaitUntil([&] { return !watch.View()->processes.contains(process); }, 20s)) << "long before the minute";
 }
 
 // a gateway that began before its network had no live data until somebody started it again
@@ -317,10 +308,10 @@ TEST(BusWatch, JoinsTheBusWhereItCannotAtFirst) {
   const TemporaryFolder folder;
   const Path profile = folder / "profile.xml";
   BusWatch watch({60, profile.string(), "text"});
-  ASSERT_TRUE(Eventually([&] { return !watch.View()->error.empty(); }));
+  ASSERT_TRUE(WaitUntil([&] { return !watch.View()->error.empty(); }));
   EXPECT_TRUE(watch.View()->enabled);
   ASSERT_THAT(WriteFileAtomically(profile, std::string_view("<CycloneDDS/>")), IsOk());
-  EXPECT_TRUE(Eventually([&] { return watch.View()->error.empty(); }));
+  EXPECT_TRUE(WaitUntil([&] { return watch.View()->error.empty(); }));
 }
 
 // before, readers of a run were made for it and ended again every second
@@ -339,7 +330,7 @@ TEST(BusWatch, OfARelayNothingIsRead) {
     ASSERT_THAT(presences->Write(presence), IsOk());
   }
   BusWatch watch({60, "", "text"});
-  ASSERT_TRUE(Eventually([&] { return warned.Count("run no partition@") >= 2; }));
+  ASSERT_TRUE(WaitUntil([&] { return warned.Count("run no partition@") >= 2; }));
   EXPECT_EQ(warned.Count("relay no partition@"), 0u);
 }
 
@@ -363,7 +354,7 @@ TEST(SampleTap, ATopicThatItsIdentityMayNotReadIsAnErrorThatIsSaidOnce) {
   ASSERT_THAT(writer, IsOk());
   const std::string topic = "etude/campaign/control";
   SampleTap tap(*participant);
-  ASSERT_TRUE(Eventually([&] { return !tap.Read({topic}).at(topic).has_value(); }));
+  ASSERT_TRUE(WaitUntil([&] { return !tap.Read({topic}).at(topic).has_value(); }));
   for (int round = 0; round < 40; ++round)
     EXPECT_THAT(tap.Read({topic}).at(topic), MessageHas("Not Allowed By Security"));
   EXPECT_EQ(warned.Count("topic=" + topic), 1u);

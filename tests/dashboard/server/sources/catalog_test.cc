@@ -38,6 +38,16 @@ TEST(Catalog, LogsAreThoseOfLogFoldersAndOfWhatWasFound) {
   EXPECT_THAT(ids, testing::ElementsAre("lab.logs.trainer.log", "lab.run.rank-0.log"));
 }
 
+// `--out checkpoints/base` is a folder like any other; below a run it holds the run's own files
+TEST(Catalog, ARunMayLieInAFolderOfAnyName) {
+  ExampleFolders lab;
+  WriteExampleRun(lab.root() / "checkpoints" / "base");
+  WriteExampleRun(lab.root() / "run" / "checkpoints" / "aside");
+  Catalog catalog({lab.root()});
+  EXPECT_THAT(catalog.Find(Kind::kRun, "lab.checkpoints.base"), IsOk());
+  for (const auto& item : *catalog.List()) EXPECT_EQ(item.shown.find("run/checkpoints"), std::string::npos);
+}
+
 // a home folder with a package tree in it said "Nothing found"
 TEST(Catalog, AFolderWithMoreInItThanIsLookedAtIsNamed) {
   ExampleFolders lab;

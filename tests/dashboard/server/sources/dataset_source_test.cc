@@ -44,6 +44,25 @@ TEST(DatasetSource, RowsAreThereAtOnceAndFillInFromTheFiles) {
   EXPECT_TRUE(after->rows[0].place_m);
 }
 
+// every open page listed all files of all datasets twice a second, also of those that were long done
+TEST(DatasetSource, EpisodesAreListedWhenTheirFoldersChange) {
+  ExampleFolders lab;
+  DatasetSource source(DataOf(lab), std::chrono::milliseconds(0));
+  ASSERT_EQ(source.View().value()->rows.size(), kEpisodes);
+  const Path part = lab.root() / "data" / "episodes" / "000";
+  const auto then = std::filesystem::last_write_time(part);
+  std::filesystem::copy_file(part / "000000.hdf5", part / "000999.hdf5");
+  std::filesystem::last_write_time(part, then);
+  const auto look = [&](double seconds, std::size_t rows) {  // files are looked at again twice a second
+    auto view = source.View().value();
+    for (const Stopwatch watch; view->rows.size() != rows && watch.Seconds() < seconds;) view = source.View().value();
+    return view->rows.size();
+  };
+  EXPECT_EQ(look(0.7, kEpisodes + 1), kEpisodes) << "its folder stands still";
+  std::filesystem::last_write_time(part, then + std::chrono::seconds(1));
+  EXPECT_EQ(look(10, kEpisodes + 1), kEpisodes + 1);
+}
+
 TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
   ExampleFolders lab;
   std::string journal;
