@@ -15,7 +15,9 @@ namespace etude {
 ///   4  a hand that has to close does so before it sets off where open fingers would touch something
 ///   5  plans of redundant arms keep the speeds that their controller makes of them
 ///   6  libm and llvmpipe in the same variants on every CPU (services/core/pinned_process.h)
-inline constexpr std::uint32_t kContentVersion = 6;
+///   7  a jaw that stays is a finger; arms of five joints are disturbed; obstacles stand clear of wide objects; a level
+///      hand pushes deep ones; fingers that hear late (control_delay) are waited for
+inline constexpr std::uint32_t kContentVersion = 7;
 
 /// The same of what only rollouts have: how a policy's answers are followed. Part of their SpecHash alone, so that
 /// collected datasets go on.

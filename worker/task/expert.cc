@@ -239,6 +239,8 @@ Expert::Interruption Expert::DrawInterruption(const MotionSegment& segment) {
 std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int at, const Stage& stage) {
   constexpr int kSlowest = 4;  // times as long as drawn, for joints that are slow
   Push push = DrawPush(randomization_, push_rng_);
+  // five joints turn a hand that points straight down about the vertical alone
+  if (!runner_->world().scene().arm().turns_any_way()) push.rotation.head<2>().setZero();
   const int drawn_steps = push.steps;
   UpdateChecker(stage);
   if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
@@ -352,7 +354,9 @@ Verdict Expert::Settle(int stage, const Pose& goal) {
 
 Verdict Expert::PlayWait(int stage) {
   const Stage& wait = stages_[stage];
-  for (int t = 0; t < wait.max_steps; ++t) {
+  // the fingers hear of it that much later
+  const int most = wait.max_steps + runner_->world().scene().control_delay();
+  for (int t = 0; t < most; ++t) {
     const bool done = !wait.done || wait.done(runner_->world(), runner_->plan().target);
     if (t >= wait.min_steps && done) break;
     const Verdict verdict = PlayStep(stage, reference_, Vector6::Zero(), true);

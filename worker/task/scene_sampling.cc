@@ -28,6 +28,11 @@ double Excess(const sim::ObjectInfo& object) {
   return std::max(0.0, object.half_extent.head<2>().maxCoeff() - kUsualHalf);
 }
 
+// How much further a wide object reaches from its middle, however it is turned, m.
+double Beyond(const sim::ObjectInfo& object) {
+  return Excess(object) > 0 ? object.half_extent.head<2>().norm() - kUsualHalf : 0;
+}
+
 // @param objects  those placed first, one after another
 bool FarEnough(const sim::ObjectInfo& object, const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed,
                const std::vector<sim::ObjectInfo>& objects) {
@@ -47,7 +52,7 @@ std::optional<std::vector<PlacedObject>> TryArrangement(const std::vector<sim::O
       const double y = rng.Uniform(box.y_min, box.y_max);
       const Eigen::Vector3d p(x, y, objects[i].rest_height);
       if (!FarEnough(objects[i], p, placed, objects)) continue;
-      placed.push_back({objects[i].name, {p, FromEuler({0, 0, rng.Uniform(-yaw, yaw)})}});
+      placed.push_back({objects[i].name, {p, FromEuler({0, 0, rng.Uniform(-yaw, yaw)})}, Beyond(objects[i])});
       found = true;
     }
     if (!found) return std::nullopt;
@@ -166,7 +171,7 @@ bool Touches(const std::vector<Eigen::VectorXd>& way, const std::string& obstacl
 bool ClearOfObjects(const sim::ObjectInfo& obstacle, const Eigen::Vector3d& p,
                     const std::vector<PlacedObject>& objects) {
   return std::all_of(objects.begin(), objects.end(), [&](const PlacedObject& object) {
-    return (p - object.X_WO.p).head<2>().norm() > obstacle.half_extent.x() + kObstacleGap;
+    return (p - object.X_WO.p).head<2>().norm() > obstacle.half_extent.x() + kObstacleGap + object.beyond;
   });
 }
 

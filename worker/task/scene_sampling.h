@@ -35,6 +35,7 @@ const std::vector<LocationBox>& RoomyBoxes();
 struct PlacedObject {
   std::string name;
   Pose X_WO;
+  double beyond = 0;  ///< m that a wide one reaches further from its middle than others, however it is turned
 };
 
 /// Objects upright, each in one of `boxes` of its own, turned by up to +-`yaw` (rad) about the vertical.

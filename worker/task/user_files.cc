@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -48,6 +50,18 @@ Result<std::vector<Path>> FilesOf(const CampaignSpec& spec) {
   return files;
 }
 
+// The hash of a scene of these objects; those of two halves where they have more files than MuJoCo takes for one.
+Result<std::string> SceneHashes(SceneSpec spec, std::span<const std::string> objects) {
+  spec.objects.assign(objects.begin(), objects.end());
+  const auto scene = sim::Scene::Build(spec);
+  if (scene) return (*scene)->sha256();
+  if (scene.error().code != Code::kExhausted || objects.size() < 2) return Fail(scene.error());
+  const std::size_t half = objects.size() / 2;
+  ETUDE_ASSIGN_OR_RETURN(const std::string first, SceneHashes(spec, objects.first(half)));
+  ETUDE_ASSIGN_OR_RETURN(const std::string second, SceneHashes(spec, objects.subspan(half)));
+  return first + second;
+}
+
 }  // namespace
 
 Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
@@ -73,9 +87,8 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
       const auto begin = objects.begin() + static_cast<std::ptrdiff_t>(first);
       const auto end =
           objects.begin() + static_cast<std::ptrdiff_t>(std::min(objects.size(), first + kObjectsOfAScene));
-      scene_spec.objects.assign(begin, end);
-      ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(scene_spec));
-      all += scene->sha256();
+      ETUDE_ASSIGN_OR_RETURN(const std::string hashes, SceneHashes(scene_spec, {begin, end}));
+      all += hashes;
     }
     if (!sim::IsRobotFile(robot)) continue;
     // the scene has all but what is the planner's: home, speeds, pitches

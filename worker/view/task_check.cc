@@ -12,6 +12,7 @@
 #include "services/core/stop.h"
 #include "services/language/grammar.h"
 #include "services/spec/object_names.h"
+#include "services/spec/robot_names.h"
 #include "services/spec/task_name.h"
 #include "services/spec/task_roles.h"
 #include "worker/task/attempt.h"
@@ -178,7 +179,19 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
   spec.robots = {robot};
   spec.tasks = {task.text()};
   ChooseObjects(*task.spec, trials.objects, spec);
-  ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, trials.renderer));
+  auto opened = task::AttemptRunner::Open(spec, trials.renderer);
+  if (!opened && opened.error().code != Code::kInvalidArgument) return Fail(opened.error());
+  if (!opened) {  // not for this robot; the others are tried all the same
+    const std::string& why = opened.error().message;
+    report.Line("FAILS", fmt::format("{}: {}", robot, why));
+    report.json["robots"].push_back({{"robot", robot},
+                                     {"attempts", 0},
+                                     {"succeeded", 0},
+                                     {"works", false},
+                                     {"reasons", std::map<std::string, int>{{why, 1}}}});
+    return 0;
+  }
+  task::AttemptRunner runner = std::move(*opened);
   int succeeded = 0;
   std::map<std::string, int> reasons;
   for (int index = 0; index < trials.attempts; ++index) {
@@ -207,6 +220,7 @@ Result<int> Try(const TaskName& task, const std::string& robot, const Trials& tr
 
 Status CheckTaskFile(const std::string& name, const TaskCheckOptions& options, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+  for (const std::string& robot : options.robots) ETUDE_RETURN_IF_ERROR(FindRobot(robot));
   const std::vector<std::string> objects = ObjectsFor(task);
   ETUDE_RETURN_IF_ERROR(task::CheckPredicates(*task.spec, SceneNames(objects)));
   TaskReport report(options.as_json);

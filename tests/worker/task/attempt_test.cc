@@ -6,6 +6,7 @@
 #include <set>
 
 #include "services/episode/codec.h"
+#include "tests/support/sketch_robot.h"
 
 namespace etude::task {
 namespace attempt_test {
@@ -208,6 +209,33 @@ TEST(Show, SetsTheSceneThatTheDemonstrationStartsFrom) {
   ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
   EXPECT_EQ(scene->instruction, result.episode.instruction);
   EXPECT_TRUE(std::equal(state.begin(), state.end(), result.episode.states.row(0).begin()));
+}
+
+// a hand was turned about any axis, which five joints cannot: their datasets had no recoveries, without a word
+TEST(Expert, PushesAnArmOfFiveJoints) {
+  SketchRobot sketch;
+  sketch.WithoutRoll();
+  CampaignSpec spec = QuickSpec("pick");
+  spec.robots = {sketch.yaml()};
+  spec.objects = {"cube"};
+  spec.randomization.disturbance_probability = 1;
+  AttemptRunner runner = OpenOrDie(spec);
+  int pushes = 0;
+  for (int index = 0; index < 6; ++index)
+    pushes += runner.Demonstrate(index, 0).value().episode.details.value("pushes", 0);
+  EXPECT_GE(pushes, 4);
+}
+
+// its fingers hear of the grasp 40 steps after it was said, and need 50 for a can
+TEST(Expert, WaitsForFingersThatHearLate) {
+  CampaignSpec spec = QuickSpec("pick");
+  spec.robots = {"panda"};
+  spec.objects = {"cube"};
+  spec.world.control_delay = 40;
+  spec.randomization.disturbance_probability = 0;
+  AttemptRunner runner = OpenOrDie(spec);
+  const auto result = FirstSuccess(runner, 0);
+  EXPECT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
 }
 
 }  // namespace attempt_test

@@ -325,5 +325,15 @@ TEST(Expert, PlansOnceWhenNothingMoves) {
   EXPECT_EQ(expert.Statistics()["replans"].get<int>(), 0);
 }
 
+// ten centimetres from its middle were its wall, and physics threw them apart
+TEST(EpisodeEnvironment, TheObstacleStandsInNoWall) {
+  const auto setting = OpenOrDie(SceneWith({"cube", "open_box", kObstacleObject}));
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    const auto draws = setting->Prepare(
+        PlanOf({.task = "pick+obstacle", .target = "cube", .obstacle = ObstaclePlace::kAside}, seed), {});
+    EXPECT_EQ(draws.failure.find("settling"), std::string::npos) << seed << ": " << draws.failure;
+  }
+}
+
 }  // namespace episode_environment_test
 }  // namespace etude::task

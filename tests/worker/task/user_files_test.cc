@@ -2,6 +2,7 @@
 // Tests worker/task/user_files.cc
 #include "worker/task/user_files.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -84,6 +85,24 @@ TEST(UserFiles, WhatIsMissingIsAnError) {
   CampaignSpec spec;
   spec.objects = {"cube", "./no_such_folder"};
   EXPECT_FALSE(UserFilesSha256(spec));
+}
+
+// each episode has six of them, and the hash wanted all in one scene: no worker could join
+TEST(UserFiles, MoreFilesThanOneSceneTakesHaveAHashToo) {
+  TemporaryFolder folder;
+  CampaignSpec spec;
+  spec.objects.clear();
+  for (int i = 0; i < 100; ++i) {
+    const Path object = folder / fmt::format("o_{:02}", i);
+    std::filesystem::copy("deploy/objects/open_box", object, std::filesystem::copy_options::recursive);
+    for (int piece = 4; piece < 20; ++piece)
+      std::filesystem::copy_file(object / "collision_0.obj", object / fmt::format("collision_{}.obj", piece));
+    ReplaceInFile(object / "object.yaml", "pieces: 4", "pieces: 20");
+    spec.objects.push_back(object.string());
+  }
+  const auto hash = UserFilesSha256(spec);
+  ASSERT_TRUE(hash) << hash.error().message;
+  EXPECT_EQ(UserFilesSha256(spec).value(), *hash);
 }
 
 }  // namespace user_files_test

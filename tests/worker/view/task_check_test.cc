@@ -6,6 +6,7 @@
 
 #include "services/core/config.h"
 #include "tests/support/matchers.h"
+#include "tests/support/sketch_robot.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
@@ -67,6 +68,19 @@ TEST_F(TaskCheck, AsJsonIsOneObject) {
   EXPECT_EQ(json["robots"][0]["robot"], "ur5");
   EXPECT_EQ(json["robots"][0]["succeeded"], 1);
   EXPECT_EQ(json["robots"][0]["works"], true);
+}
+
+// the first that could not be opened ended the check, and with --json nothing was said at all
+TEST_F(TaskCheck, ARobotThatCannotDoItKeepsNoOtherFromBeingTried) {
+  SketchRobot sketch;
+  sketch.WithoutRoll();
+  testing::internal::CaptureStdout();
+  (void)CheckTaskFile("rotate", {.robots = {sketch.yaml(), "panda"}, .attempts = 1, .as_json = true}, {});
+  const auto json = OrderedJson::parse(testing::internal::GetCapturedStdout(), nullptr, false);
+  ASSERT_TRUE(json.is_object());
+  ASSERT_EQ(json["robots"].size(), 2u);
+  EXPECT_EQ(json["robots"][0]["works"], false);
+  EXPECT_EQ(json["robots"][1]["attempts"], 1);
 }
 
 }  // namespace task_check_test

@@ -103,7 +103,10 @@ void SceneGeometry::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinema
   for (std::size_t i = 0; i < arm.bodies.size(); ++i) {
     const auto pieces = pieces_.find(arm.bodies[i]);
     if (pieces == pieces_.end() || !same(open[i], elsewhere[i])) continue;  // the arm moves it: not the hand
-    const bool finger = !same(open[i], closed[i]);
+    // a jaw that stays where it is holds, too
+    const bool listed = std::ranges::any_of(
+        arm.finger_groups, [&](const auto& group) { return std::ranges::find(group, arm.bodies[i]) != group.end(); });
+    const bool finger = listed || !same(open[i], closed[i]);
     for (const auto& piece : pieces->second) {
       (finger ? fingers_[0] : palm_).emplace_back(piece, open[i] * piece.X_BG);
       if (!finger) continue;

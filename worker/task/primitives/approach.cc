@@ -11,10 +11,12 @@ namespace {
 using Part = SceneGeometry::Part;
 
 // Behind the object at `height`, in line with it.
-Pose Behind(const StageContext& now, double height, const Eigen::Quaterniond& q_WE) {
+// @param room  m from the object's axis at least
+Pose Behind(const StageContext& now, double height, const Eigen::Quaterniond& q_WE, double room = 0) {
   const Eigen::Vector3d& p = now.X_WO.p;
   const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
-  const double far = p.y() - kSide.behind, near = p.y() - kSide.nearest;
+  const double further = std::max(0.0, room - kSide.behind);
+  const double far = p.y() - kSide.behind - further, near = p.y() - kSide.nearest - further;
   // A hand that is on the line already goes on from where it is instead of backing off.
   const double y = aside < kStages.on_line ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
   return {{p.x(), y - now.shapes->ahead_open(), height}, q_WE};
@@ -36,7 +38,12 @@ Pose BeforeGrasp(const StageContext& now, const above::Grip& grip) {
 Goal GoalOf(const ApproachSpec& spec, const Manner& manner) {
   if (spec.pushes() && manner.above())
     return [](const StageContext& now) { return above::Pushing(now, -kAbove.push_behind); };
-  if (spec.pushes()) return [](const StageContext& now) { return Behind(now, kSide.push_height, side::PushHand()); };
+  if (spec.pushes())
+    return [](const StageContext& now) {
+      const double swing = now.shapes->ahead_closed() - now.shapes->ahead_open();  // fingers reach further closed
+      const double room = now.shapes->object(now.target).half_extent.y() + swing + kSide.push_room;
+      return Behind(now, kSide.push_height, side::PushHand(), room);
+    };
   if (manner.above()) return [=](const StageContext& now) { return BeforeGrasp(now, above::GripFor(now, manner)); };
   return [](const StageContext& now) { return Behind(now, side::GraspHeight(now), LevelHand()); };
 }

@@ -37,6 +37,7 @@ struct SideTuning {
   double push_height = 0.019;  // of the tool
   double push_tilt = 0.25;
   double finger_gap = 0.005;  // [margin] between fingertips and table
+  double push_room = 0.015;   // [margin] between closed fingertips and a deep object before the push
 };
 
 /// Of a hand that comes from above, pitched down (Panda, Jaco2; the UR5 where it carries).

@@ -169,5 +169,21 @@ TEST_P(Measured, AnObjectStandsOnItsLowestPoint) {
 INSTANTIATE_TEST_SUITE_P(Robots, Measured, testing::Values("ur5", "panda", "jaco2"),
                          [](const auto& info) { return std::string(info.param); });
 
+// it was the palm, whose height over an object it had to keep: the other jaw closed above everything
+TEST(Hand, AJawThatStaysIsAFinger) {
+  SketchRobot robot;
+  robot.InMjcf("<joint name=\"right_slide\" axis=\"-1 0 0\"/>", "");
+  robot.InMjcf("<joint joint1=\"right_slide\" joint2=\"left_slide\" polycoef=\"0 1 0 0 0\" solref=\"0.004 1\"/>", "");
+  robot.InYaml("coupled: {right_slide: 1}", "coupled: {}");
+  SceneSpec spec;
+  spec.robot = robot.yaml();
+  const auto scene = sim::Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  sim::Kinematics kinematics(*scene);
+  const SceneGeometry shapes(**scene, kinematics);
+  EXPECT_LT(shapes.palm_ahead(), 0);
+  EXPECT_GT(shapes.ahead_closed(), 0);
+}
+
 }  // namespace scene_geometry_test
 }  // namespace etude::task

@@ -53,5 +53,25 @@ TEST_F(SideHand, LiftsWhatIsTallerUntilThereIsRoomUnderIt) {
   }
 }
 
+// its closed fingers began within the box
+TEST(SideHandOf, ADeepObjectIsPushedFromBehindItsFace) {
+  SceneSpec spec;
+  spec.objects = {"cube", "open_box"};
+  const auto scene = sim::Scene::Build(spec).value();
+  sim::Kinematics kinematics(scene);
+  const SceneGeometry shapes(*scene, kinematics);
+  const auto approach = FindStage(StagesOf(ParseTask("push").value(), shapes), "approach");
+  StageContext now;
+  now.shapes = &shapes;
+  now.X_WE = {{0.4, 0.4, 0.3}, LevelHand()};
+  const auto tips = [&](const std::string& target) {
+    now.target = target;
+    now.X_WO = {{0.1, 0.3, shapes.object(target).rest_height}, Eigen::Quaterniond::Identity()};
+    return approach.goal(now).p.y() + shapes.ahead_closed();
+  };
+  EXPECT_LT(tips("open_box"), 0.3 - shapes.object("open_box").half_extent.y() - 0.008);
+  EXPECT_NEAR(tips("cube"), 0.3 - kSide.behind + shapes.ahead_closed() - shapes.ahead_open(), 1e-12) << "as ever";
+}
+
 }  // namespace side_hand_test
 }  // namespace etude::task
