@@ -15,7 +15,8 @@ export const kustomization = parseAllDocuments(readFileSync(join(folder, "kustom
 // {file, apiVersion, kind, metadata, ...} each
 export const resources = [];
 for (const file of files)
-  for (const document of parseAllDocuments(readFileSync(join(folder, file), "utf8"), {version: "1.2"})) {
+  // 1.1, as Kubernetes reads them: 0440 is octal
+  for (const document of parseAllDocuments(readFileSync(join(folder, file), "utf8"), {version: "1.1"})) {
     assert.deepEqual(document.errors, [], file);
     resources.push({file, ...document.toJS()});
   }

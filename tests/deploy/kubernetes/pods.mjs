@@ -27,6 +27,9 @@ const smaller = {
 };
 const token = "a token of thirty-two characters";
 
+let interrupted = false;  // what was started is removed all the same
+for (const signal of ["SIGINT", "SIGTERM"]) process.on(signal, () => (interrupted = true));
+
 const place = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
 const network = `etude-test-${process.pid}`;
 const started = new Set();
@@ -124,6 +127,7 @@ function remove(name, signal) {
 async function until(what, seconds, holds) {
   const end = Date.now() + seconds * 1000;
   while (!(await holds())) {
+    assert.ok(!interrupted, "interrupted");
     if (Date.now() > end) {
       for (const name of started) console.error(`== ${name}: ${state(name)}\n${logs(name).split("\n").slice(-15).join("\n")}`);
       assert.fail(`not within ${seconds} s: ${what}`);
