@@ -83,7 +83,7 @@ TEST_F(LoaderTest, ReplacesPicturesThatCannotBeRead) {
 // a hundred of them ended a training on large batches that small ones went on with
 TEST_F(LoaderTest, ReplacesAsManyAsABatchHas) {
   const auto snapshot = dataset_->snapshot();
-  for (std::size_t i = 0; i < snapshot->episodes().size(); i += 2)
+  for (std::size_t i = 0; i < snapshot->episodes().size(); i += 4)
     std::filesystem::resize_file(snapshot->episodes()[i]->record.path, 100);
   config_.batch = 512;
   config_.prefetch = 1;

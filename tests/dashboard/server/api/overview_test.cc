@@ -84,8 +84,10 @@ TEST_F(OverviewTest, AnEvaluationWhoseFilesLieElsewhereIsNoDemonstrations) {
   const auto home = Home();
   EXPECT_EQ(home["tiles"]["demonstrations"]["source"], "lab.data");
   EXPECT_THAT(home["sentence"].get<std::string>(), testing::Not(testing::HasSubstr("eval-")));
-  for (const auto& source : home["sources"])
-    if (source["id"] == "eval-0123@aaaa0001") EXPECT_EQ(source["role"], "rollouts");
+  for (const auto& source : home["sources"]) {
+    if (source["id"] != "eval-0123@aaaa0001") continue;
+    EXPECT_EQ(source["role"], "rollouts");
+  }
 }
 
 // before, all that was live had changed now, and took the first place from each other with every look
