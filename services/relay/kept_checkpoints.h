@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The newest checkpoint of each channel of a run, on disk: what a relay passes on.
 //
-//   FOLDER/kept.json                              the run and its user; of each channel the version, its hash and its metadata
+//   FOLDER/kept.json                              the run and its user; of each channel version, hash and metadata
 //   FOLDER/relayed-latest-4294967299.safetensors  a checkpoint's bytes, as they were published
 //   FOLDER/kept.lock                              held by the one relay of the folder
 #pragma once
