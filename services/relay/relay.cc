@@ -144,17 +144,19 @@ std::vector<std::string> Relay::offered() const {
   return names;
 }
 
+bool GoesOn(bus::Directory& directory, const Selector& selector, const std::optional<KeptOwner>& kept) {
+  if (!kept || kept->name != selector.name || !kept->id.starts_with(selector.id)) return false;
+  directory.WaitForOthers();
+  return !directory.Replaced(bus::PresenceKind::kRun, selector, kept->id, kept->user);
+}
+
 namespace {
 
 // Nothing within a second when none is there, and none is kept.
 Result<std::optional<bus::Owner>> RunOf(bus::Directory& directory, const Selector& selector, const Path& folder) {
   if (IsId(selector.id)) return std::optional(bus::Owner{selector.name, selector.id});
   ETUDE_ASSIGN_OR_RETURN(const auto kept, KeptRun(folder));
-  const bool fits = kept && kept->name == selector.name && kept->id.starts_with(selector.id);
-  directory.WaitForOthers();
-  // what is kept gives way to its own user's next run alone, also where this process was started again
-  if (fits && !directory.Replaced(bus::PresenceKind::kRun, selector, kept->id, kept->user))
-    return std::optional<bus::Owner>(*kept);
+  if (GoesOn(directory, selector, kept)) return std::optional<bus::Owner>(*kept);
   ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, selector, 1s));
   if (found) return std::optional(bus::Owner{found->name, found->id});
   return std::optional<bus::Owner>();

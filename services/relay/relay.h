@@ -10,15 +10,18 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
 #include "services/bus/owner.h"
 #include "services/bus/participant.h"
 #include "services/core/file.h"
 #include "services/core/identity.h"
 #include "services/core/result.h"
+#include "services/relay/kept_checkpoints.h"
 
 namespace etude::relay {
 
@@ -53,6 +56,10 @@ class Relay {
   explicit Relay(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
+
+/// Whether `kept` goes on: the selector means it, and no next run of its own user has taken its place; another user's
+/// does not, also where this process was started again.
+bool GoesOn(bus::Directory& directory, const Selector& selector, const std::optional<KeptOwner>& kept);
 
 /// Relays a run until `stopping`, which is asked several times a second. With its name alone: the run of that name
 /// which is there, else the one that the folder is of; and when another one of the name and the same user (where the

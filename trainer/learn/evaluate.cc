@@ -236,23 +236,20 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   return metrics;
 }
 
-namespace {
+namespace {}  // namespace
 
-// Those of `chunk` that can be read, which is all that is left of it: what a file that went away held is not validated
-// on, and ends no training.
-Status MakeReadable(const ValidationSet& set, std::vector<data::Sample>& chunk, data::FrameScratch& scratch,
-                    data::Batch& arrays, std::size_t& unreadable) {
-  while (!chunk.empty()) {
+Status MakeReadable(const data::BatchMaker& maker, const data::Snapshot& snapshot, std::uint64_t step,
+                    data::Augment augment, std::vector<data::Sample>& samples, data::FrameScratch& scratch,
+                    data::Batch& batch, const std::function<void(const Error&)>& unreadable) {
+  while (true) {
     std::size_t bad = 0;
-    const Status made = set.maker.Make(set.snapshot, chunk, 0, data::Augment::kNo, scratch, arrays, &bad);
-    if (made || made.error().code == Code::kInvalidArgument) return made;
-    if (++unreadable == 1) Log().warn("a validation picture that cannot be read is left out: {}", made.error().message);
-    chunk.erase(chunk.begin() + static_cast<std::ptrdiff_t>(bad));
+    Status made = maker.Make(snapshot, samples, step, augment, scratch, batch, &bad);
+    if (made || samples.empty() || made.error().code == Code::kInvalidArgument) return made;
+    if (unreadable) unreadable(made.error());
+    samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(bad));
+    if (samples.empty()) return made;
   }
-  return {};
 }
-
-}  // namespace
 
 Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit) {
   const auto& samples = set.samples;
@@ -263,12 +260,16 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
   data::FrameScratch scratch;
   Status status;
   std::size_t visited = 0, unreadable = 0;
+  const auto left_out = [&](const Error& why) {
+    if (++unreadable == 1) Log().warn("a validation picture that cannot be read is left out: {}", why.message);
+  };
   for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(set.batch)) {
     if (set.between) set.between();
     const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(set.batch));
     std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
                                     samples.begin() + static_cast<std::ptrdiff_t>(end));
-    status = MakeReadable(set, chunk, scratch, arrays, unreadable);
+    status = MakeReadable(set.maker, set.snapshot, 0, data::Augment::kNo, chunk, scratch, arrays, left_out);
+    if (chunk.empty()) status = {};  // none of them is validated on
     if (!status) break;
     if (chunk.empty()) continue;
     visited += chunk.size();
@@ -281,17 +282,15 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
   return {};
 }
 
-Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
-                            const std::vector<data::Sample>& samples, int level, int batch,
-                            const std::function<void()>& between) {
+Result<Evaluation> Evaluate(policy::Policy& policy, const ValidationSet& set) {
   Sums sums;
   const policy::TokenGrid grid(policy.config().image);
   double loss = 0;
   std::size_t measured = 0;
   const auto measure = [&](const std::vector<data::Sample>& chunk, const Part& part, const policy::Outputs& outputs) {
     measured += chunk.size();
-    loss +=
-        policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() * static_cast<double>(chunk.size());
+    loss += policy.Loss(part.inputs, outputs, part.labels, set.level).total.item<double>() *
+            static_cast<double>(chunk.size());
     for (const auto& module : policy.config().modules) {
       const auto output = outputs.find(module.name);
       if (output == outputs.end()) continue;
@@ -299,7 +298,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
       AddAttention(module, output->second, part.inputs, part.labels, grid, sums);
     }
   };
-  ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch, between}, measure));
+  ETUDE_RETURN_IF_ERROR(VisitBatches(policy, set, measure));
   Evaluation result = Summarize(policy.config(), sums);
   result.metrics["loss"] = loss / static_cast<double>(measured);
   return result;

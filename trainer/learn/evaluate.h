@@ -37,18 +37,20 @@ struct ValidationSet {
 using BatchVisitor =
     std::function<void(const std::vector<data::Sample>& samples, const Part& part, const policy::Outputs& outputs)>;
 
+/// Makes the batch of those of `samples` that can be read, which are all that is left of them: a file that went away
+/// ends no training. @param unreadable  is told why, once for each
+/// @error of the last one where none is left; kInvalidArgument: of BatchMaker::Make, and some are left
+Status MakeReadable(const data::BatchMaker& maker, const data::Snapshot& snapshot, std::uint64_t step,
+                    data::Augment augment, std::vector<data::Sample>& samples, data::FrameScratch& scratch,
+                    data::Batch& batch, const std::function<void(const Error&)>& unreadable = nullptr);
+
 /// Batch after batch without augmentation, in evaluation mode; the policy is back in training mode afterwards.
 /// @error of reading frames; kNotFound when there are no samples.
 Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit);
 
-/// Runs modules of level <= `level` over `samples` without augmentation, in evaluation mode; the
-/// policy is back in training mode afterwards. Accuracies of relabelled sentences count as much as
-/// the demonstrated one's.
-/// @param between  as of a ValidationSet
-/// @error of reading frames; kNotFound when there are no samples.
-Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
-                            const std::vector<data::Sample>& samples, int level, int batch,
-                            const std::function<void()>& between = nullptr);
+/// Measures modules of the set's levels, as VisitBatches visits it. Accuracies of relabelled sentences count as much as
+/// the demonstrated one's. @error as VisitBatches
+Result<Evaluation> Evaluate(policy::Policy& policy, const ValidationSet& set);
 
 /// How often the policy's class head names the object that a sentence means, and its task head the task (0..1):
 ///   "LANG.unseen"  the paper's Table 11, which training never shows: other words, other order

@@ -13,6 +13,7 @@
 #include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
+#include "trainer/learn/evaluate.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
@@ -182,15 +183,8 @@ void AveragedWeights::Measure() {
     const std::uint64_t number = run_.step * kStatisticBatches + static_cast<std::uint64_t>(i);
     const auto& drawn = run_.config.data;
     auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, drawn.batch, 0, drawn.rest);
-    std::size_t bad = 0;
-    const auto make = [&] {
-      return run_.maker->Make(*snapshot, samples, number, data::Augment::kYes, scratch, batch, &bad);
-    };
-    Status made = make();
-    // what cannot be read is left out, and not all that was drawn with it
-    for (; !made && made.error().code != Code::kInvalidArgument && samples.size() > 1; made = make())
-      samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(bad));
-    if (!made) {
+    if (const Status made = MakeReadable(*run_.maker, *snapshot, number, data::Augment::kYes, samples, scratch, batch);
+        !made) {
       Log().warn("statistics of averaged weights: a batch is left out: {}", made.error().message);
       continue;
     }

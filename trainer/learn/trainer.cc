@@ -172,8 +172,8 @@ Status Trainer::Impl::Measure() {
   try {
     const AveragedWeights averaged(run);
     ETUDE_ASSIGN_OR_RETURN(run.evaluation,
-                           learn::Evaluate(policy, *run.maker, *run.validation, samples, run.scheduler->level(),
-                                           run.config.data.batch, KeepRanksWaiting()));
+                           learn::Evaluate(policy, {*run.maker, *run.validation, samples, run.scheduler->level(),
+                                                    run.config.data.batch, KeepRanksWaiting()}));
     const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks(), NounsOf(*run.dataset));
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);

@@ -22,6 +22,7 @@
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
 #include "services/core/without_throwing.h"
+#include "services/relay/relay.h"
 #include "trainer/serve/insight.h"
 
 namespace etude::serve {
@@ -218,12 +219,9 @@ Status PolicyServer::Impl::FollowRuns() {
     watched.Moved();
     // a run that is named by its whole id need not be there: it may have published all it ever will
     std::string run_id = options.run.id, user;
-    if (const auto before = std::exchange(options.before, std::nullopt); before && !IsId(run_id)) {
-      directory.WaitForOthers();
-      const bool fits = before->name == options.run.name && before->id.starts_with(run_id);
-      if (fits && !directory.Replaced(bus::PresenceKind::kRun, options.run, before->id, before->user))
-        run_id = before->id, user = before->user;
-    }
+    if (const auto before = std::exchange(options.before, std::nullopt);
+        !IsId(run_id) && relay::GoesOn(directory, options.run, before))
+      run_id = before->id, user = before->user;
     if (!IsId(run_id)) {
       const auto found = directory.FindPublisher(options.run, 1s);
       // what is served serves on; and a service is not started again after an error of usage, which this is for people

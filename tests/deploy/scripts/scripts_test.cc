@@ -184,7 +184,7 @@ TEST_F(Scripts, OneSuiteAtATimeOnAMachine) {
   if (RunInShell("flock -n -E 75 /proc/self/ns/net true; code=$?; [ $code = 0 ] || [ $code = 75 ]").code != 0)
     GTEST_SKIP() << "a network namespace cannot be locked here";
   ASSERT_THAT(MakeFolders(folder_ / "tree/tests"), IsOk());
-  std::filesystem::copy_file("tests/run", folder_ / "tree/tests/run");
+  for (const char* script : {"tests/run", "tests/alone"}) std::filesystem::copy_file(script, folder_ / "tree" / script);
   StandIn("tree/deploy/install", "echo begun; exit 7");
   // held by the suite that this is of, or by this shell
   const auto waits =

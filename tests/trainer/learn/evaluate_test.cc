@@ -39,7 +39,7 @@ class EvaluateTest : public ::testing::Test {
     return *policy;
   }
   Result<Evaluation> Measure(policy::Policy& policy, int level, const std::vector<data::Sample>& samples) const {
-    return Evaluate(policy, *maker_, *snapshot_, samples, level, 8);
+    return Evaluate(policy, {*maker_, *snapshot_, samples, level, 8});
   }
 
   TemporaryFolder folder_;
@@ -104,7 +104,7 @@ TEST_F(EvaluateTest, SaysThatItIsThereBeforeEachBatch) {
   ASSERT_NO_FATAL_FAILURE(Prepare(TinyConfig()));
   const auto policy = Untrained(1);
   std::size_t said = 0;
-  ASSERT_TRUE(Evaluate(*policy, *maker_, *snapshot_, samples_, 5, 8, [&] { ++said; }));
+  ASSERT_TRUE(Evaluate(*policy, {*maker_, *snapshot_, samples_, 5, 8, [&] { ++said; }}));
   EXPECT_EQ(said, (samples_.size() + 7) / 8);
 }
 
