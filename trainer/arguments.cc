@@ -49,7 +49,7 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
                  "campaign file: host its collector here; workers anywhere stream into --data "
                  "while training runs");
   app.add_option("--config", arguments.config,
-                 "experiment: compact, paper, or a YAML file (default compact; with --resume the run's own)");
+                 "experiment: compact, paper, faithful, or a YAML file (default compact; with --resume the run's own)");
   app.add_option("--set", arguments.set, "override, e.g. --set optimizer.lr=1e-3; may be repeated")
       ->allow_extra_args(false);
   app.add_option("--init", arguments.init,
@@ -70,7 +70,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");
   app.add_option("--steps", arguments.steps, "stop after this many steps; with --minutes whichever comes first");
   app.add_option("--ranks", arguments.ranks, "processes that train together, each on its part of every batch")
-      ->check(CLI::Range(1, 1024));
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
   app.add_option("--rank", arguments.rank, "which of them this is (default: rank 0, and the others are started here)")
       ->check(CLI::Range(0, 1023));
   app.add_option("--meet", arguments.meet, "HOST:PORT where rank 0 listens, with --rank");

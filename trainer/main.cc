@@ -121,23 +121,9 @@ Status BeforeTraining(Error error) {
   return {};
 }
 
-// But for what the run itself begins with.
-Status SetCheckpointsAside(const Arguments& arguments) {
-  std::error_code error;
-  const Path init = std::filesystem::weakly_canonical(arguments.init, error);
-  const Path own = std::filesystem::weakly_canonical(Path(arguments.out) / "checkpoints", error);
-  if (!arguments.init.empty() && init.parent_path() == own)
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("--init '{}' lies in the folder of checkpoints that the run in '{}' would write: give another "
-                    "--out",
-                    arguments.init, arguments.out));
-  return publish::SetCheckpointsAside(arguments.out);
-}
-
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
                Telemetry& telemetry, const Surroundings& around) {
-  if (!arguments.resume) ETUDE_RETURN_IF_ERROR(SetCheckpointsAside(arguments));
+  if (!arguments.resume) ETUDE_RETURN_IF_ERROR(publish::SetCheckpointsAside(arguments.out, config.init.from));
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },

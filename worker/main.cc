@@ -1,56 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-// etude-worker: joins a campaign and makes its episodes, with the expert or with a policy at the controls.
+// etude-worker: joins a campaign and makes its episodes (work.h). Here are its command line and the commands that are
+// only a few calls.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <optional>
-#include <thread>
 #include <vector>
 
-#include "services/bus/arguments.h"
-#include "services/bus/process_reporter.h"
-#include "services/campaign/process.h"
 #include "services/campaign/spec_file.h"
-#include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config_reference.h"
-#include "services/core/cores.h"
 #include "services/core/log.h"
 #include "services/core/pinned_process.h"
-#include "services/core/service_manager.h"
-#include "services/core/stop.h"
-#include "services/core/without_throwing.h"
-#include "services/episode/codec.h"
-#include "services/policy/client.h"
 #include "services/spec/content_version.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
 #include "worker/fingerprint.h"
-#include "worker/host/child.h"
-#include "worker/host/slot.h"
 #include "worker/play.h"
+#include "worker/sim/renderer.h"
 #include "worker/sim/robot_file.h"
-#include "worker/task/attempt.h"
 #include "worker/task/outcome_meaning.h"
-#include "worker/task/user_files.h"
+#include "worker/task/verdict.h"
 #include "worker/view/replay.h"
 #include "worker/view/robot_check.h"
 #include "worker/view/scene_picture.h"
 #include "worker/view/task_check.h"
+#include "worker/work.h"
 
 namespace etude {
 namespace {
 
 struct Arguments {
-  campaign::WorkerOptions worker;
-  bus::Arguments bus;
-  sim::RendererConfig renderer;
+  WorkArguments work;
   campaign::SpecArguments scene_spec;
   ScenePictureOptions scene;
   std::string picture = "scene.png";
@@ -60,170 +46,14 @@ struct Arguments {
   TaskCheckOptions task_check;
   RobotCheckOptions robot_check;
   PlayOptions play;
-  int slots = Cores();  ///< 0: this process makes the episodes itself
-  bool child = false;   ///< of a host with slots
-  double stall_s = 90;
+  bool child = false;  ///< of a host with slots
   bool fingerprint = false, json = false;
 };
-
-campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
-  campaign::WorkResult result;
-  result.outcome = task::ToString(attempt.outcome);
-  result.steps = static_cast<std::uint64_t>(attempt.episode.steps());
-  for (const auto& camera : attempt.episode.cameras) result.frames += camera.frames.size();
-  result.times = {
-      .plan_s = attempt.plan_s, .step_s = attempt.step_s, .render_s = attempt.render_s, .deflate_s = attempt.deflate_s};
-  if (attempt.outcome == task::AttemptOutcome::kSuccess || always_complete) {
-    result.episode = EncodeEpisode(attempt.episode);
-    return result;
-  }
-  OrderedJson details{{"reason", attempt.reason}};
-  details.update(attempt.failure);
-  details.update(OrderedJson{{"scene", attempt.scene},
-                             {"plan_s", attempt.plan_s},
-                             {"step_s", attempt.step_s},
-                             {"render_s", attempt.render_s},
-                             {"deflate_s", attempt.deflate_s}});
-  result.details_json = JsonText(details);
-  return result;
-}
-
-std::function<void(std::string_view, int)> ToProgress(const campaign::WorkItem& item) {
-  if (!item.progress) return {};
-  return [progress = item.progress](std::string_view stage, int step) {
-    progress(stage, static_cast<std::uint32_t>(step));
-  };
-}
-
-campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
-  return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
-    runner->OnProgress(ToProgress(item));
-    ETUDE_ASSIGN_OR_RETURN(auto attempt, runner->Demonstrate(item.index, item.attempt, item.weights));
-    return ResultOf(std::move(attempt), false);
-  };
-}
-
-campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, const policy::AskFunction& ask) {
-  return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
-    runner->OnProgress(ToProgress(item));
-    bool answers = true;  // the policy
-    auto attempt = runner->Rollout(item.index, [&](const policy::Question& question) {
-      auto answer = ask(question);
-      answers = answer.has_value();
-      return answer;
-    });
-    if (attempt) {
-      // without a scene nothing was rolled out
-      const bool complete = attempt->outcome != task::AttemptOutcome::kSceneInvalid;
-      return ResultOf(std::move(*attempt), complete);
-    }
-    if (answers) return Fail(attempt.error());  // the machine's fault: no attempt
-    // the policy did not answer: not the rollout's failure, it is tried again
-    const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
-    OrderedJson details{{"reason", attempt.error().message}};
-    if (attempt.error().code == Code::kInvalidArgument) details[campaign::kPolicyRefused] = true;
-    return campaign::WorkResult{.outcome = outcome, .details_json = JsonText(details)};
-  };
-}
-
-policy::AskFunction AskOf(policy::Client policy) {
-  return [client = std::make_shared<policy::Client>(std::move(policy))](const policy::Question& question) {
-    return client->Ask(question);
-  };
-}
-
-Status Work(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
-  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
-  campaign::WorkerOptions options = arguments.worker;
-  task::UserFiles files;
-  options.files_sha256 = [&](const CampaignSpec& spec) { return files.Sha256(spec); };
-  Fingerprints fingerprints(arguments.renderer);
-  options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
-  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
-  ServiceManager::Get().Ready(fmt::format("looking for campaign {}", options.campaign));
-  return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
-    const CampaignSpec& spec = joined.spec;
-    ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
-    auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
-    Log().info("joined campaign={}@{} mode={} worker={}", spec.name, joined.id, spec.mode, client.name());
-    ServiceManager::Get().Say(fmt::format("campaign {}@{} as {}", spec.name, joined.id, client.name()));
-    if (spec.mode != "rollout") return Demonstrate(runner);
-    ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
-    return RollOut(runner, AskOf(std::move(policy)));
-  });
-}
-
-// Makes what the host at the other end of descriptor 3 asks for.
-Status BeChild(const Arguments& arguments) {
-  return host::ServeHost(
-      host::Channel(host::kHostDescriptor),
-      [&](const campaign::JoinedCampaign& joined, const policy::AskFunction& ask) -> Result<campaign::WorkFunction> {
-        ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(joined.spec, arguments.renderer));
-        auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
-        return joined.spec.mode == "rollout" ? RollOut(runner, ask) : Demonstrate(runner);
-      });
-}
-
-// One slot of a host, on a thread of its own: a worker on the bus whose attempts a child makes.
-Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options,
-                  task::UserFiles& files, Fingerprints& fingerprints) {
-  campaign::WorkerOptions options = arguments.worker;
-  options.name = slot_options.name;
-  options.prefetch = true;
-  options.files_sha256 = [&](const CampaignSpec& spec) { return files.Sha256(spec); };
-  options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
-  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
-  host::Slot slot(std::move(slot_options));
-  return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
-    ETUDE_RETURN_IF_ERROR(slot.Begin(joined));
-    policy::AskFunction ask;
-    if (joined.spec.mode == "rollout") {
-      ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
-      ask = AskOf(std::move(policy));
-    }
-    return [&slot, ask](const campaign::WorkItem& item) { return slot.Do(item, ask); };
-  });
-}
-
-// One participant for all slots. A slot that ends with an error ends its host: what refused it refuses the others.
-Status Host(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
-  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
-  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
-  task::UserFiles files;
-  Fingerprints fingerprints(arguments.renderer);
-  const std::string name = arguments.worker.name.empty() ? bus::UniquePeerName() : arguments.worker.name;
-  host::SlotOptions options;
-  options.argv = {program.string(), "--child", "--gl", arguments.renderer.backend};
-  if (arguments.bus.log != "text") options.argv.insert(options.argv.end(), {"--log", arguments.bus.log});
-  options.hopeless = campaign::HopelessDeaths(arguments.slots);
-  options.stall = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.stall_s));
-  ServiceManager::Get().Ready(fmt::format("looking for campaign {}", arguments.worker.campaign));
-  std::vector<Status> ended(static_cast<std::size_t>(arguments.slots));
-  std::vector<std::thread> threads;
-  for (std::size_t k = 0; k < ended.size(); ++k) {
-    options.name = fmt::format("{}-s{}", name, k);
-    const auto work = [&, k, options] {
-      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, files, fingerprints); });
-      if (!ended[k]) RequestStop();
-    };
-    const Status started = WithoutThrowing([&]() -> Status { return threads.emplace_back(work), Status(); });
-    if (started) continue;
-    ended[k] = Fail(started.error().Wrap(fmt::format("start slot {} of {}", k + 1, arguments.slots)));
-    RequestStop();
-    break;
-  }
-  for (auto& thread : threads) thread.join();
-  for (const Status& status : ended)
-    if (!status) return status;
-  return {};
-}
 
 // Renders one picture and says with what.
 Status Doctor(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(SceneSpec{}));
-  ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, arguments.renderer));
+  ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, arguments.work.renderer));
   sim::World world(scene);
   world.Reset();
   world.Forward();
@@ -242,7 +72,7 @@ Status Doctor(const Arguments& arguments) {
 }
 
 Status PrintFingerprint(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const campaign::Fingerprint fingerprint, TakeFingerprint(arguments.renderer));
+  ETUDE_ASSIGN_OR_RETURN(const campaign::Fingerprint fingerprint, TakeFingerprint(arguments.work.renderer));
   OrderedJson json = OrderedJson::object();
   for (const auto& [name, value] : fingerprint) json[name] = value;
   if (arguments.json) fmt::print("{}\n", json.dump());
@@ -253,7 +83,7 @@ Status PrintFingerprint(const Arguments& arguments) {
 
 Status RenderScene(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.scene_spec));
-  return WriteScenePictures(spec, arguments.picture, arguments.scene, arguments.renderer);
+  return WriteScenePictures(spec, arguments.picture, arguments.scene, arguments.work.renderer);
 }
 
 void AddOverrides(CLI::App& command, Arguments& arguments, const std::string& example) {
@@ -296,7 +126,7 @@ Status Replay(const Arguments& arguments) {
   std::error_code error;
   if (!std::filesystem::is_directory(asked.file, error)) {
     ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(asked));
-    return ReplayAttempt(spec, arguments.replay, arguments.renderer);
+    return ReplayAttempt(spec, arguments.replay, arguments.work.renderer);
   }
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(asked.file));
   if (reader.content_version() != kContentVersion || reader.spec_sha256() != SpecHash(reader.spec()))
@@ -310,7 +140,7 @@ Status Replay(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::WithOverrides(reader.spec(), asked.overrides));
   ReplayOptions replay = arguments.replay;
   if (const SamplingEntry* entry = journal.EntryAt(replay.index)) replay.sampling = *entry;
-  return ReplayAttempt(spec, replay, arguments.renderer);
+  return ReplayAttempt(spec, replay, arguments.work.renderer);
 }
 
 CLI::App* AddReplay(CLI::App& app, Arguments& arguments) {
@@ -364,31 +194,32 @@ CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
 }
 
 void AddJoining(CLI::App& app, Arguments& arguments) {
-  app.add_option("--campaign", arguments.worker.campaign, "campaign to join: NAME, or NAME@ID of one of several");
-  arguments.bus.Add(app);
-  app.add_option("--name", arguments.worker.name, "unique name on the bus");
-  app.add_flag("--once", arguments.worker.once, "one attempt, then home");
+  app.add_option("--campaign", arguments.work.worker.campaign, "campaign to join: NAME, or NAME@ID of one of several");
+  arguments.work.bus.Add(app);
+  app.add_option("--name", arguments.work.worker.name, "unique name on the bus");
+  app.add_flag("--once", arguments.work.worker.once, "one attempt, then home");
   app.add_option_function<double>(
          "--idle-timeout",
          [&](double seconds) {
-           arguments.worker.idle_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * seconds));
+           arguments.work.worker.idle_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * seconds));
          },
          "seconds without work, then home (default: waits for ever)")
       ->check(CLI::Range(0.1, 1e6));
-  app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
-      ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
-  app.add_option("--renderer", arguments.renderer.renderer,
+  app.add_option("--gl", arguments.work.renderer.backend, "auto | egl | osmesa")
+      ->check(CLI::IsMember({"auto", "egl", "osmesa"}))
+      ->capture_default_str();
+  app.add_option("--renderer", arguments.work.renderer.renderer,
                  "software | gpu: with --fingerprint and doctor; a campaign says its own")
       ->check(CLI::IsMember({"software", "gpu"}))
       ->capture_default_str();
-  app.add_option("--device", arguments.renderer.device, "with --renderer gpu: its number in EGL's list; -1: any")
+  app.add_option("--device", arguments.work.renderer.device, "with --renderer gpu: its number in EGL's list; -1: any")
       ->check(CLI::Range(-1, 63))
       ->capture_default_str();
-  app.add_option("--slots", arguments.slots,
+  app.add_option("--slots", arguments.work.slots,
                  "makes so many episodes at a time, each in a supervised child; one participant on the bus for all "
                  "(default: one a core). 0: one at a time, in this process, as `etude collect` has its own supervision")
       ->check(CLI::Range(0, 1024));
-  app.add_option("--stall-timeout", arguments.stall_s,
+  app.add_option("--stall-timeout", arguments.work.stall_s,
                  "with --slots: seconds without a word of a child that works, after which it is replaced; at least "
                  "nine tenths of the campaign's stall_timeout_s")
       ->check(CLI::Range(1.0, 86'400.0))
@@ -402,8 +233,8 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
 // Who joins a campaign is told by it who draws; one attempt needs no slots.
 void CheckJoining(const CLI::App& app, Arguments& arguments) {
   if (!app.get_subcommands().empty() || arguments.child || arguments.fingerprint) return;
-  if (arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
-  if (arguments.worker.once && app.count("--slots") == 0) arguments.slots = 0;
+  if (arguments.work.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+  if (arguments.work.worker.once && app.count("--slots") == 0) arguments.work.slots = 0;
   if (app.count("--renderer") + app.count("--device") > 0)
     throw CLI::ExcludesError("--campaign", "--renderer, --device");
 }
@@ -438,16 +269,16 @@ int main(int argc, char** argv) {
   app.callback([&] { etude::CheckJoining(app, arguments); });
   if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-worker", [&] {
-    if (arguments.child) return etude::BeChild(arguments);
+    if (arguments.child) return etude::BeChild(arguments.work);
     if (arguments.fingerprint) return etude::PrintFingerprint(arguments);
     if (*doctor) return etude::Doctor(arguments);
     if (*describe) return etude::DescribeRobotFile(as_json);
     if (*outcomes) return etude::DescribeOutcomes(as_json);
     if (*replay) return etude::Replay(arguments);
-    if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer, arguments.robot_check);
-    if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
-    if (*play) return etude::Play(arguments.play, arguments.bus, arguments.renderer);
+    if (*check) return etude::CheckRobot(arguments.robot, arguments.work.renderer, arguments.robot_check);
+    if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.work.renderer);
+    if (*play) return etude::Play(arguments.play, arguments.work.bus, arguments.work.renderer);
     if (*render) return etude::RenderScene(arguments);
-    return arguments.slots > 0 ? etude::Host(arguments) : etude::Work(arguments);
+    return arguments.work.slots > 0 ? etude::Host(arguments.work) : etude::Work(arguments.work);
   });
 }

@@ -9,7 +9,6 @@
 #include "dashboard/server/gateway.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
-#include "services/core/log.h"
 #include "services/core/service_manager.h"
 
 namespace etude {

@@ -11,9 +11,7 @@ find_package(CycloneDDS REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(PkgConfig REQUIRED)
 
-# each of the heavy ones is looked up by its one owner folder:
-#   HDF5, libdeflate: services/store   mujoco, EGL: worker/sim   fcl: worker/collide
-#   ompl: worker/plan   OpenCV: worker/assets, services/cli   Torch: trainer
+# the heavy ones are looked up by the folders that own them (owners: tests/check_includes)
 pkg_check_modules(deflate REQUIRED IMPORTED_TARGET libdeflate)
 
 if(ETUDE_DEV)

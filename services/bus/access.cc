@@ -37,6 +37,7 @@ std::vector<std::string> PartitionsOf(Scope scope, std::string_view host, const 
   if (names.empty()) return {"*" + end};
   for (const auto& name : names) partitions.push_back(name + end);
   partitions.push_back("eval-*" + end);
+  if (of_run) partitions.push_back("play-*" + end);  // what `etude play open --checkpoint` serves
   return partitions;
 }
 

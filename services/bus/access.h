@@ -55,7 +55,8 @@ std::vector<TopicAccess> TopicAccesses();
 bool IsKnownTopic(const std::string& topic);
 
 /// All that `roles` may do in these campaigns and runs (by name; none: in all), under an identity of the name `host`.
-/// Evaluations are campaigns and runs "eval-..." of their own, which belong to everybody who has a campaign or a run.
+/// Evaluations are campaigns and runs "eval-..." of their own, which belong to everybody who has a campaign or a run;
+/// so do the runs "play-..." of what `etude play open --checkpoint` serves.
 std::vector<security::Grant> GrantsFor(const std::vector<security::Role>& roles, const std::string& host,
                                        const std::vector<std::string>& campaigns, const std::vector<std::string>& runs);
 

@@ -64,7 +64,10 @@ struct Arguments {
   /// @param roles  what the process does on the bus: its identity, if it has one, must allow that
   /// @error as Participant::Open.
   Result<Participant> Open(const std::vector<security::Role>& roles = {}) const {
-    return Participant::Open({domain, profile, security, roles});
+    return Participant::Open(Config(roles));
+  }
+  ParticipantConfig Config(const std::vector<security::Role>& roles) const {
+    return {.domain = domain, .profile = profile, .security = security, .roles = roles};
   }
   /// The same for a child in a role: its command line, and its environment. Its identity is this one when that has the
   /// role, else the neighbour of the role's name.

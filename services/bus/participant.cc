@@ -329,8 +329,9 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   state->id = config.domain;
   if (state->identity) {
     // a policy server's second domain is the robots': who knocks there must not end it for the first one's, too
-    const auto alone =
-        HasAnotherDomain(config.domain) ? ParticipantWatch::Alone::kStays : ParticipantWatch::Alone::kEnds;
+    const auto alone = HasAnotherDomain(config.domain) ? ParticipantWatch::Alone::kStays
+                       : config.joins_another          ? ParticipantWatch::Alone::kWaits
+                                                       : ParticipantWatch::Alone::kEnds;
     state->watch = ParticipantWatch::Start(*state, *state->identity, LeaseSeconds(profile), alone);
   }
   WarnAboutReceiveBuffer();

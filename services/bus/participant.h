@@ -22,6 +22,7 @@ struct ParticipantConfig {
   std::string security;
   std::vector<security::Role> roles;  ///< that the identity must have
   std::string address;                ///< see Participant::address; empty: the identity's name, else one of its own
+  bool joins_another = false;         ///< it answers in another domain, too: to be alone in this one does not end it
 };
 
 /// One DDS participant. Thread-safe; must outlive every Writer and Reader made from it (they share it).

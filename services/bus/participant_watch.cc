@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <string_view>
 #include <thread>
 #include <utility>
 
 #include "services/bus/builtin_topic.h"
 #include "services/bus/spin_judge.h"
+#include "services/bus/wire.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
@@ -37,23 +39,38 @@ PeersSeen LookAround(const Participant::State& state) {
   dds_guid_t own{};
   dds_get_guid(participant, &own);
   const std::string self = GuidText(own);
-  const auto admit = [&](const dds_builtintopic_endpoint_t& found) {
-    peers.admitted.insert(GuidText(found.participant_key));
+  // Workers of one authority admit each other, and wait for the same: a hub is told by what it alone opens.
+  const auto admit = [&peers](std::string_view of_hubs) {
+    return [&peers, of_hubs](const dds_builtintopic_endpoint_t& found) {
+      const std::string id = GuidText(found.participant_key);
+      peers.admitted.insert(id);
+      if (found.topic_name != nullptr && found.topic_name == of_hubs) peers.hubs.insert(id);
+    };
   };
   for (const Status& looked :
        {ForEachLive<dds_builtintopic_participant_t>(
             participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
             [&](const dds_builtintopic_participant_t& found) { peers.seen.insert(GuidText(found.key)); }),
-        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, admit),
-        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, admit)})
+        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION,
+                                                 admit(Traits<Presence>::kTopic)),
+        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
+                                                 admit(Traits<ProcessStatus>::kTopic))})
     if (!looked) Log().warn("{}", looked.error().message);
   peers.seen.erase(self);
   peers.admitted.erase(self);
+  peers.hubs.erase(self);
   return peers;
+}
+
+// Who was there all along, or came long after, is a stranger; who came when the hub went may be the hub, which does not
+// know us any more.
+bool PeerJudge::CameWithTheHub(double since_s) const {
+  return since_s >= *hub_s_ - kPatienceS && since_s <= *hub_s_ + kRestartS;
 }
 
 PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
   Finding finding;
+  if (!hub_s_ || !peers.hubs.empty()) hub_s_ = now_s;
   for (const auto& id : peers.admitted) admitted_ += ever_admitted_.insert(id).second;
   bool moves = false;
   std::erase_if(waiting_, [&](const auto& item) {
@@ -64,11 +81,12 @@ PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
   if (moves) moved_s_ = now_s;
   for (const auto& id : peers.seen) {
     if (peers.admitted.contains(id)) continue;
-    const double waits_s = now_s - waiting_.try_emplace(id, now_s).first->second;
+    const double since_s = waiting_.try_emplace(id, now_s).first->second, waits_s = now_s - since_s;
     if (ever_admitted_.contains(id)) {
       const bool in_turn = now_s - moved_s_ < lost_patience_s_ && waits_s < kPatienceS;
       if (waits_s >= lost_patience_s_ && !in_turn) finding.lost.insert(id);
-    } else if (ever_admitted_.empty() && waits_s >= kPatienceS) {
+    } else if (std::min(waits_s, now_s - *hub_s_) >= kPatienceS &&
+               (ever_admitted_.empty() || CameWithTheHub(since_s))) {
       finding.alone = true;
     }
   }
@@ -142,8 +160,9 @@ void ParticipantWatch::Impl::CheckPeers() {
   if (!finding.lost.empty()) MakeAnew(finding.lost);
   if (finding.alone && !stays_alone)
     StopBecause({Code::kUnavailable,
-                 fmt::format("identity '{}': somebody is on the domain, but nobody admitted this process within {} s: "
-                             "is its authority (identity-ca.pem, permissions-ca.pem) theirs, and is it revoked there?",
+                 fmt::format("identity '{}': somebody is on the domain, but no hub (collector, trainer, policy server, "
+                             "relay, dashboard) admitted this process within {} s: is its authority (identity-ca.pem, "
+                             "permissions-ca.pem) theirs, and is it revoked there?",
                              identity.name, PeerJudge::kPatienceS)});
 }
 
@@ -199,7 +218,7 @@ std::unique_ptr<ParticipantWatch> ParticipantWatch::Start(const Participant::Sta
   auto impl = std::make_unique<Impl>();
   impl->state = &state;
   impl->for_others = alone == Alone::kStays;
-  impl->stays_alone = impl->for_others || IsHub(identity);
+  impl->stays_alone = alone != Alone::kEnds || IsHub(identity);
   impl->identity = std::move(identity);
   // less than a lease: finding out, starting again and the handshakes take their time, too
   impl->judge = PeerJudge(0.7 * lease_s);

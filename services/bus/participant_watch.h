@@ -26,6 +26,8 @@ namespace etude::bus {
 struct PeersSeen {
   std::set<std::string> seen;      ///< participants whose discovery message came
   std::set<std::string> admitted;  ///< of which an endpoint is known: under security after the handshake only
+  /// Of these: in the directory, or looking on. What workers and robots wait for.
+  std::set<std::string> hubs = {};
 };
 PeersSeen LookAround(const Participant::State& state);
 
@@ -34,6 +36,8 @@ class PeerJudge {
  public:
   /// A peer that is seen but not admitted for so long is a stranger; longer than any handshake takes.
   static constexpr double kPatienceS = 30;
+  /// A hub that is started again is there by then.
+  static constexpr double kRestartS = 300;
 
   /// @param lost_patience_s  the same of peers that were admitted before: at most one lease, so that a cut in one
   ///                         direction is over within two. A handshake of a hundred at once takes 5 s: while others
@@ -42,7 +46,7 @@ class PeerJudge {
 
   struct Finding {
     std::set<std::string> lost;  ///< once admitted, seen again, and not admitted any more; until they are gone or are
-    bool alone = false;          ///< somebody is there, and nobody was ever admitted
+    bool alone = false;          ///< somebody came for whom this is a stranger, and no hub is admitted
   };
   /// @param now_s  of a clock that never goes back
   Finding Look(const PeersSeen& peers, double now_s);
@@ -50,8 +54,11 @@ class PeerJudge {
   std::uint64_t admitted() const { return admitted_; }
 
  private:
+  bool CameWithTheHub(double since_s) const;
+
   double lost_patience_s_;
-  double moved_s_ = -1e9;  // when one that waited was admitted last
+  double moved_s_ = -1e9;        // when one that waited was admitted last
+  std::optional<double> hub_s_;  // when a hub was admitted last; before that: when the first look was
   std::uint64_t admitted_ = 0;
   std::map<std::string, double> waiting_;  // since when it has been seen and not admitted
   std::set<std::string> ever_admitted_;
@@ -68,8 +75,9 @@ class ParticipantWatch {
  public:
   /// What becomes of a process whom nobody on the domain admits.
   enum class Alone {
-    kEnds,  ///< it would go on knocking; those that others depend on (collector, trainer, gateway, relay) stay
-    kStays  ///< it has another domain, where others wait for it
+    kEnds,   ///< it would go on knocking; those that others depend on (collector, trainer, gateway, relay) stay
+    kWaits,  ///< it will have another domain: it does not end, and makes itself anew as others do
+    kStays   ///< it has another domain, where others wait for it
   };
 
   /// `state` must outlive it. @param lease_s  of the participant (LeaseSeconds)

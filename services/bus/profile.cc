@@ -14,17 +14,13 @@
 
 #include "services/bus/local_profile.h"
 #include "services/core/file.h"
+#include "services/core/printable.h"
 
 namespace etude::bus {
 namespace {
 
 constexpr std::string_view kWhiteSpace = " \t\r\n";
 constexpr std::string_view kFileUri = "file://";
-
-std::string_view Trimmed(std::string_view text) {
-  text.remove_prefix(std::min(text.find_first_not_of(kWhiteSpace), text.size()));
-  return text.substr(0, text.find_last_not_of(kWhiteSpace) + 1);
-}
 
 Result<std::string> ReadProfile(const std::string& file) {
   auto text = ReadTextFile(file, 1 << 20);

@@ -24,7 +24,9 @@ inline constexpr TopicQos kEvents{false, 0};  ///< requests, reports, chunks: no
 /// whoever waited for it would hold up all other hosts.
 inline constexpr TopicQos kAnswers{false, 0, std::chrono::milliseconds{20}};
 inline constexpr TopicQos kNewest{false, 1};  ///< telemetry, observations: the newest counts
-inline constexpr TopicQos kState{true, 1};    ///< as kNewest, and late joiners get it too
+/// Insights: who watches many sessions gets what was said of each, and not of the last one alone.
+inline constexpr TopicQos kShown{false, 16};
+inline constexpr TopicQos kState{true, 1};  ///< as kNewest, and late joiners get it too
 inline constexpr TopicQos kRecent{true, 64, std::chrono::milliseconds{1000},
                                   64};  ///< the last ones, also for late joiners
 /// Published blobs: the writer keeps everything until it is acknowledged (which throttles it), and

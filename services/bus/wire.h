@@ -556,7 +556,7 @@ ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest, kRun,
 ETUDE_TRAITS(Action, "etude/policy/action", kNewest, kRunHost, MaskOf(Role::kPolicy),
              MaskOf(Role::kRobot, Role::kWorker, Role::kGateway))
 ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest, kRun, MaskOf(Role::kGateway), MaskOf(Role::kPolicy))
-ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest, kRun, MaskOf(Role::kPolicy), MaskOf(Role::kGateway))
+ETUDE_TRAITS(Insight, "etude/policy/insight", kShown, kRun, MaskOf(Role::kPolicy), MaskOf(Role::kGateway))
 ETUDE_TRAITS(PolicyStatus, "etude/policy/status", kState, kRun, MaskOf(Role::kPolicy),
              MaskOf(Role::kRobot, Role::kGateway, Role::kSubscriber))
 ETUDE_TRAITS(PlayCommand, "etude/play/command", kEvents, kPlay, MaskOf(Role::kGateway), MaskOf(Role::kWorker))

@@ -11,12 +11,11 @@
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
-#include "services/campaign/worker_client.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/without_throwing.h"
-#include "services/store/attempts.h"
+#include "services/spec/attempt_outcome.h"
 
 namespace etude::campaign {
 
@@ -131,7 +130,7 @@ LeaseTable MakeTable(const CampaignSpec& spec, const EpisodeSink& sink, const Hi
   LeaseTable table({.total = spec.episodes,
                     .shard = options.shard,
                     .max_attempts = static_cast<std::uint32_t>(spec.max_attempts),
-                    .one_attempt = RetryOf(spec, kKillsWorkers) == LeaseTable::Retry::kNever,
+                    .one_attempt = RetryOf(spec, kKillsWorkers) == Retry::kNever,
                     .max_in_flight = options.max_in_flight,
                     .duration = options.lease,
                     .epoch = epoch});
@@ -143,7 +142,7 @@ LeaseTable MakeTable(const CampaignSpec& spec, const EpisodeSink& sink, const Hi
 CollectorProgress CountersOf(const History& history, const store::SamplingJournal& journal) {
   CollectorProgress counters;
   counters.failures = history.failures;
-  if (auto differed = counters.failures.extract(store::kRecheckMismatch)) counters.mismatched = differed.mapped();
+  if (auto differed = counters.failures.extract(kRecheckMismatch)) counters.mismatched = differed.mapped();
   counters.reweighted = journal.entries().size();
   if (counters.reweighted > 0) counters.reweighted_from = journal.entries().back().from_index;
   return counters;

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "services/campaign/collector_impl.h"
-#include "services/campaign/worker_client.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/attempt_outcome.h"
 
 namespace etude::campaign {
 
@@ -96,7 +96,7 @@ bool Collector::Impl::OnReleased(const bus::AttemptReport& report) {
   Log().warn("a worker lost its child worker={} index={}: {}", report.worker, report.index, JsonText(details));
   const bool by_attempt = details.contains(kByAttempt) && details[kByAttempt] == true;
   if (!by_attempt) {
-    table.Fail(report.index, LeaseTable::Retry::kSameAttempt);
+    table.Fail(report.index, Retry::kSameAttempt);
     return false;
   }
   if (!table.CountDeath(report.index)) return false;
@@ -118,8 +118,9 @@ void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
   const std::string kept = fmt::format("{} of {} rollouts are kept", table.committed(), spec.episodes);
   if (refused)
     ended_by = Error{Code::kInvalidArgument,
-                     fmt::format("roll out '{}': {}; {}: `etude checkpoint show` says what a policy is for", spec.name,
-                                 policy_error, kept)};
+                     fmt::format("roll out '{}': {}; {}: `etude checkpoint show` says what a policy is for, and `etude "
+                                 "eval --scenes` takes scenes of that",
+                                 spec.name, policy_error, kept)};
   else
     ended_by = Error{Code::kUnavailable,
                      fmt::format("roll out '{}': the policy of run '{}' answered nobody for {:.0f} s ({}); {}: start "
@@ -127,6 +128,17 @@ void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
                                  spec.name, spec.rollout.run,
                                  std::chrono::duration<double>(now - *policy_away_since).count(), policy_error, kept)};
   stop = true;
+}
+
+// This process, or its machine, was stopped: what workers said meanwhile has not been delivered yet.
+void Collector::Impl::ForgiveStandstill() {
+  const Time now = MonotonicClock::now();
+  const auto stood = now - std::exchange(looked, now);
+  if (stood < options.lease / 2) return;
+  const MutexLock lock(mutex);
+  table.Postpone(stood);
+  rechecks.Postpone(stood);
+  for (auto& [worker, motion] : motions) motion.since += stood;
 }
 
 // Leases of those who say nothing, and of those who say that they live and do not move: a planner that never ends, a

@@ -7,13 +7,14 @@
 #include <thread>
 
 #include "services/campaign/collector_impl.h"
-#include "services/campaign/worker_client.h"
 #include "services/core/cores.h"
 #include "services/core/crash_point.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
+#include "services/episode/attempt_times.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/filter_keys.h"
 
@@ -77,7 +78,7 @@ void Collector::Impl::CountUnfit(const bus::BlobManifest& manifest, const std::s
   Unfit& mistakes = unfit[manifest.sender];
   ++mistakes.in_a_row;
   mistakes.reason = reason;
-  table.Fail(*index, LeaseTable::Retry::kSameAttempt);
+  table.Fail(*index, Retry::kSameAttempt);
   ++counters.failures[kUnfitEpisode];
 }
 
@@ -154,9 +155,13 @@ void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdic
     if (verdict && verdict->kind == bus::AckKind::kDone) {
       table.Commit(index);
       unfit.erase(worker);
-      rechecks.Add({index, claim.view.episode.attempt, worker, bus::HostOfAddress(claim.blob.manifest.host),
-                    DigestOf(claim.blob.manifest)},
-                   MonotonicClock::now());
+      // Where its lease went, not what came with the bytes: who names another host would make its own again. An earlier
+      // start of this collector may have leased it.
+      const auto leased = leased_to.find(worker);
+      const std::string& address = leased == leased_to.end() ? claim.blob.manifest.host : leased->second.address;
+      rechecks.Add(
+          {index, claim.view.episode.attempt, worker, bus::HostOfAddress(address), DigestOf(claim.blob.manifest)},
+          MonotonicClock::now());
       policy_away_since.reset();
       commits.push_back(MonotonicClock::now());
       index_dirty = true;

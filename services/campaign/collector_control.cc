@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "services/campaign/collector_impl.h"
-#include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 
@@ -43,6 +42,7 @@ void Collector::Impl::GiveWayToSuccessor() {
 }
 
 void Collector::Impl::TakeMessages() {
+  ForgiveStandstill();
   // requests are taken first and answered last: a report that was sent before its worker's next request
   // is then always seen before it
   auto asked = topics.requests.Take();

@@ -65,6 +65,8 @@ struct Collector::Impl {
   std::atomic<bool> index_dirty{true};   // the index lacks what is committed or has failed
   std::atomic<bool> index_whole{false};  // nothing was left for the end when it was written last
 
+  Time looked = MonotonicClock::now();  // of the control thread: when messages were taken last
+
   std::atomic<bool> stop{false};
   std::atomic<bool> finished{false};  // all is committed that will be, control may end
 
@@ -172,6 +174,7 @@ struct Collector::Impl {
   void OnHeartbeat(const bus::WorkerStatus& status);
   bool OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
   void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  void ForgiveStandstill() ETUDE_EXCLUDES(mutex);
   std::vector<Deadly> EndSilent() ETUDE_EXCLUDES(mutex);
   std::optional<Deadly> EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
   std::optional<Deadly> Revoke(const std::string& worker, bool by_attempt, const std::string& how)

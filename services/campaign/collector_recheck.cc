@@ -4,9 +4,8 @@
 #include <fmt/format.h>
 
 #include "services/campaign/collector_impl.h"
-#include "services/campaign/worker_client.h"
 #include "services/core/log.h"
-#include "services/store/attempts.h"
+#include "services/spec/attempt_outcome.h"
 
 namespace etude::campaign {
 
@@ -103,8 +102,7 @@ std::string Collector::Impl::TellMismatch(const RecheckTable::Lease& lease, cons
                             {"committed_host", episode.host},
                             {"committed_worker", episode.worker},
                             {"committed_sha256", episode.sha256}};
-  const Status recorded =
-      sink->RecordFailure(episode.index, episode.attempt, store::kRecheckMismatch, JsonText(details));
+  const Status recorded = sink->RecordFailure(episode.index, episode.attempt, kRecheckMismatch, JsonText(details));
   if (!recorded) Log().warn("cannot record that two hosts differ: {}", recorded.error().message);
   index_dirty = true;
   return text;

@@ -117,6 +117,8 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   if (const auto again = MakeAgain(request)) return *again;
   if (!table.Holds(request.worker, request.working_on)) {  // who asks again, because the answer was lost, is told again
     if (leasing != Leasing::kOn && !AllDone()) return {};
+    // who makes something for a full disk waits with it; another shard can use them meanwhile
+    if (!options.shard.whole() && !disk_errors.empty()) return {};
     // what its host could make again comes first, to who has nothing in hand
     if (request.working_on != 0 && rechecks.WaitsFor(HostOf(request.worker))) return {};
   }

@@ -145,13 +145,15 @@ Status CheckSameScenes(const CampaignSpec& first, const CampaignSpec& second, co
                           other, fmt::join(differences, ", ")));
 }
 
-namespace {
-
-// What scenes and verdicts depend on beside the spec. Reports of earlier versions do not say.
-Status CheckSameRules(const OrderedJson& first, const OrderedJson& second, const std::string& other) {
+std::vector<std::string> RuleDifferences(const OrderedJson& first, const OrderedJson& second) {
   if (!first.contains("rules") || !second.contains("rules")) return {};
   std::vector<std::string> differences;
   Compare(first["rules"], second["rules"], "", differences);
+  return differences;
+}
+
+Status CheckSameRules(const OrderedJson& first, const OrderedJson& second, const std::string& other) {
+  const auto differences = RuleDifferences(second, first);
   if (differences.empty()) return {};
   return Fail(
       Code::kInvalidArgument,
@@ -159,8 +161,6 @@ Status CheckSameRules(const OrderedJson& first, const OrderedJson& second, const
                   "and of the tasks' files",
                   other, fmt::join(differences, ", ")));
 }
-
-}  // namespace
 
 Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& second) {
   ETUDE_ASSIGN_OR_RETURN(const PairRows rows, RowsOf(first));

@@ -20,6 +20,12 @@ std::vector<std::string> SceneDifferences(const CampaignSpec& first, const Campa
 /// @error kInvalidArgument: SceneDifferences has some, and which. @param other  what to call `second` in the message
 Status CheckSameScenes(const CampaignSpec& first, const CampaignSpec& second, const std::string& other);
 
+/// What scenes and verdicts depend on beside the spec (EvalRules), as SceneDifferences has it; none where one of the
+/// two reports is of an earlier version, which does not say.
+std::vector<std::string> RuleDifferences(const OrderedJson& first, const OrderedJson& second);
+/// @error kInvalidArgument: RuleDifferences has some, and which. @param other  what to call `second` in the message
+Status CheckSameRules(const OrderedJson& first, const OrderedJson& second, const std::string& other);
+
 /// Rollouts of one task, or of all, by both evaluations and one criterion.
 struct PairedCounts {
   std::uint64_t both = 0, only_first = 0, only_second = 0, neither = 0;
@@ -42,8 +48,8 @@ struct Evaluation {
 /// spec. @error kNotFound, kCorrupt: it is not an evaluation's
 Result<Evaluation> ReadEvaluation(const Path& folder);
 
-/// CompareReports of two such folders, whose scenes are compared first.
-/// @error as CheckSameScenes, CompareReports and ReadEvaluation
+/// CompareReports of two such folders, whose scenes and rules are compared first.
+/// @error as CheckSameScenes, CheckSameRules, CompareReports and ReadEvaluation
 Result<OrderedJson> CompareEvaluations(const Path& first, const Path& second);
 
 /// As a table. @param comparison  of CompareReports

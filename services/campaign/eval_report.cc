@@ -46,7 +46,7 @@ OrderedJson Share(const Rows& rows, bool RolloutRow::*criterion) {
   return ShareJson(successes, n);
 }
 
-OrderedJson Summarise(const std::string& task, const Rows& rows) {
+OrderedJson Summarize(const std::string& task, const Rows& rows) {
   std::map<std::string, std::uint64_t> violations;
   std::uint64_t violated = 0, disturbed = 0;
   for (const auto* row : rows) {
@@ -258,9 +258,9 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
     Rows of_task;
     for (const auto* row : all)
       if (row->task == task) of_task.push_back(row);
-    report["per_task"].push_back(Summarise(task, of_task));
+    report["per_task"].push_back(Summarize(task, of_task));
   }
-  report["overall"] = Summarise("overall", all);
+  report["overall"] = Summarize("overall", all);
   AddSuites(spec, rows, report);
   report["spec"] = ToJson(spec);
   report["rules"] = EvalRules(spec);

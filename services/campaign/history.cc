@@ -9,10 +9,10 @@
 #include <string>
 #include <utility>
 
-#include "services/campaign/recheck_table.h"
-#include "services/campaign/worker_client.h"
+#include "services/campaign/lease_table.h"
 #include "services/core/config.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/store/attempts.h"
 
 namespace etude::campaign {
@@ -133,14 +133,6 @@ Status CarryHosts(const std::vector<Path>& folders, const Path& to) {
   return known.size() > 1 ? WriteCollectorFile(to, known) : Status();
 }
 
-LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {
-  if (outcome == kPolicyError || outcome == store::kRecheckMismatch) return LeaseTable::Retry::kSameAttempt;
-  // a rollout's scene is a function of its index: another attempt would be the same
-  if ((outcome == kSceneInvalid || outcome == kKillsWorkers) && spec.mode == "rollout")
-    return LeaseTable::Retry::kNever;
-  return LeaseTable::Retry::kNextAttempt;
-}
-
 History ReadHistory(const Path& folder, const CampaignSpec& spec) {
   History history;
   std::set<std::pair<std::uint64_t, std::uint32_t>> seen;
@@ -151,14 +143,13 @@ History ReadHistory(const Path& folder, const CampaignSpec& spec) {
       return;
     }
     const auto retry = RetryOf(spec, line.outcome);
-    if (retry == LeaseTable::Retry::kSameAttempt) {
+    if (retry == Retry::kSameAttempt) {
       ++history.failures[line.outcome];  // and nothing of the index's own attempts
       return;
     }
     if (!seen.emplace(line.index, line.attempt).second) return;
     History::Index& past = history.indices[line.index];
-    past.failures =
-        retry == LeaseTable::Retry::kNever ? static_cast<std::uint32_t>(spec.max_attempts) : past.failures + 1;
+    past.failures = retry == Retry::kNever ? static_cast<std::uint32_t>(spec.max_attempts) : past.failures + 1;
     past.next_attempt = std::max(past.next_attempt, line.attempt + 1);
     ++history.failures[line.outcome];
     ++history.total;

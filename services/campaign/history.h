@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "services/campaign/fingerprint.h"
-#include "services/campaign/lease_table.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
@@ -69,8 +68,5 @@ struct History {
 /// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures. Lines that
 /// an older program took for forgotten do not count.
 History ReadHistory(const Path& folder, const CampaignSpec& spec);
-
-/// What follows from a failed attempt of this outcome.
-LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome);
 
 }  // namespace etude::campaign

@@ -56,7 +56,10 @@ void LeaseTable::RestoreCommitted(std::uint64_t index) {
 }
 
 void LeaseTable::RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt) {
-  if (!Has(index)) return;
+  if (!Has(index)) {  // as in RestoreCommitted: it was tried with the weights that held then
+    if (config_.shard.Has(index)) frontier_ = std::max(frontier_, index + 1);
+    return;
+  }
   Entry& entry = EntryOf(index);
   if (entry.closed) return;
   entry.failures = failures;
@@ -204,6 +207,10 @@ bool LeaseTable::Revive(std::uint64_t index, Entry& entry) {
     held_.erase(entry.worker);
   }
   return may;
+}
+
+void LeaseTable::Postpone(std::chrono::nanoseconds by) {
+  for (const std::uint64_t index : live_) EntryOf(index).deadline += by;
 }
 
 int LeaseTable::Expire(Time now, std::vector<std::string>* holders) {

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "services/core/clock.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/shard.h"
 
 namespace etude::campaign {
@@ -87,6 +88,8 @@ class LeaseTable {
   /// A heartbeat that names `mark`, which is worked on; the lease that waits beside it is renewed, too. One that had
   /// expired and was not leased again lives again. False when that lease is not current.
   bool Renew(std::uint64_t index, std::uint64_t mark, Time now);
+  /// Nobody could be heard for so long: what is leased lasts so much longer.
+  void Postpone(std::chrono::nanoseconds by);
   /// Makes leases that were not renewed in time free again; returns how many, and whose in `holders`. Their tokens stay
   /// current until the index is leased again: a late result is then still the newest there is.
   int Expire(Time now, std::vector<std::string>* holders = nullptr);
@@ -101,7 +104,6 @@ class LeaseTable {
 
   /// The index is durable. Any token of it is stale from now on.
   void Commit(std::uint64_t index);
-  enum class Retry { kNextAttempt, kSameAttempt, kNever };
   /// A failed attempt with a current token (Check first). Frees the index with the next attempt, or gives
   /// it up when max_attempts have failed, or at once when it can never succeed. kSameAttempt: not the attempt's failure
   /// but its worker's, or the policy's; nothing is counted, and the index yields to others.

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // etude-collector: owns a campaign; workers on any host join it.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <condition_variable>
 #include <mutex>
@@ -12,7 +14,6 @@
 #include "services/campaign/spec_file.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
-#include "services/core/log.h"
 #include "services/core/service_manager.h"
 
 namespace etude {
@@ -76,7 +77,8 @@ int main(int argc, char** argv) {
   app.add_option("--set", arguments.spec.overrides, "KEY=VALUE of the campaign, e.g. camera.width=84")
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
-      ->check(CLI::Range(1.0, 3600.0));  // heartbeats come twice a second
+      ->check(CLI::Range(1.0, 3600.0))  // heartbeats come twice a second
+      ->capture_default_str();
   app.add_option("--away", arguments.away_s,
                  "seconds to stay when all is done, for workers of the last minute that are not to be heard")
       ->check(CLI::Range(0.0, 3600.0))

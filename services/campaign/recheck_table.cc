@@ -86,6 +86,10 @@ bool RecheckTable::Release(std::uint64_t token, const std::string& worker) {
   return true;
 }
 
+void RecheckTable::Postpone(std::chrono::nanoseconds by) {
+  for (auto& [token, lease] : leases_) lease.deadline += by;
+}
+
 void RecheckTable::Expire(Time now, std::vector<std::string>* holders) {
   for (auto lease = leases_.begin(); lease != leases_.end();) {
     const auto next = std::next(lease);

@@ -65,6 +65,8 @@ class RecheckTable {
   std::optional<Lease> Take(std::uint64_t token, const std::string& worker, Time now);
   /// `worker` gives it back undone: another one may have it.
   bool Release(std::uint64_t token, const std::string& worker);
+  /// Nobody could be heard for so long: what is out lasts so much longer.
+  void Postpone(std::chrono::nanoseconds by);
   /// Ends what was not renewed in time; who held it is added to `holders`.
   void Expire(Time now, std::vector<std::string>* holders);
   /// The worker is known to be dead, or does not move.

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "services/campaign/worker_client.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/store/attempts.h"
 
 namespace etude::campaign {

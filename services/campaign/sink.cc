@@ -137,12 +137,15 @@ class EvalSink : public EpisodeSink {
     const MutexLock lock(mutex_);
     if (!writer_.committed().empty()) {
       ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder_));
-      store::CommitTable commits(folder_);
-      ETUDE_RETURN_IF_ERROR(commits.Refresh());
+      std::map<std::uint64_t, double> wall_s;  // by index: the later line of one counts
+      const auto take = [&](const store::CommitRow& line) {
+        if (writer_.committed().contains(line.index)) wall_s[line.index] = line.facts.timings.wall_s;
+      };
+      ETUDE_RETURN_IF_ERROR(store::CommitTail(folder_).Refresh([&] { wall_s.clear(); }, take));
       for (const std::uint64_t index : writer_.committed()) {
         ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
         RolloutRow& row = rows_[index] = RowOf(record.episode);
-        if (const auto at = commits.RowOfIndex(index); at < commits.size()) row.wall_s = commits.timings()[at].wall_s;
+        if (const auto said = wall_s.find(index); said != wall_s.end()) row.wall_s = said->second;
         scenes_.Add(record.episode);
       }
     }

@@ -24,6 +24,7 @@
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/task_files.h"
 #include "services/spec/task_name.h"
 
@@ -37,6 +38,7 @@ constexpr double kSayAgain_s = 30;  // what is waited for
 // What a worker has made itself ready for. It outlives the way from one shard to the next: they have one spec.
 struct Readiness {
   std::string spec_sha256;  // that `work` was made for
+  std::string spec_json;    // as announced: keys that are no part of the hash may change
   CampaignSpec spec;
   WorkFunction work;
   std::string files_sha256;
@@ -185,7 +187,8 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
     return Refuse(selector().text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
   if (announcement.content != options.content)
     return Refuse(selector().text(), "content number", announcement.content, announcement.version, options.content);
-  if (ready.work && ready.spec_sha256 == announcement.spec_sha256) return {};
+  const bool same_hash = ready.work && ready.spec_sha256 == announcement.spec_sha256;
+  if (same_hash && ready.spec_json == announcement.spec_json) return {};
   ForgetTaskFiles();  // those of this campaign may say something else than those of the last one
   const std::string origin = fmt::format("campaign '{}'", selector().text());
   const auto json = ParseBoundedJson(announcement.spec_json);
@@ -195,10 +198,14 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   if (SpecHash(spec) != announcement.spec_sha256)
     return Fail(Code::kUnavailable, fmt::format("join {}: {}{}", origin, WhyHashDiffers(spec),
                                                 TaskFilesOf(spec).empty() ? "" : "; copy the collector's here"));
+  ready.spec_json = announcement.spec_json;
+  // of what is no part of the hash these two are for who makes episodes
+  if (same_hash && spec.stall_timeout_s == ready.spec.stall_timeout_s && spec.device == ready.spec.device) {
+    ready.spec = spec;
+    return {};
+  }
   ready.work = nullptr;  // the old one's context goes first
-  const Selector policy{spec.rollout.run, announcement.policy_id};
-  ETUDE_ASSIGN_OR_RETURN(
-      ready.work, factory({joined->id, spec, policy.text(), announcement.spec_sha256, [this] { watched->Moved(); }}));
+  // what is said of files and libraries is said before anything is made of them
   ready.files_sha256.clear();
   if (options.files_sha256) {
     ETUDE_ASSIGN_OR_RETURN(ready.files_sha256, options.files_sha256(spec));
@@ -206,8 +213,12 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   if (options.fingerprint) {
     ETUDE_ASSIGN_OR_RETURN(ready.fingerprint, options.fingerprint(spec));
   }
+  const Selector policy{spec.rollout.run, announcement.policy_id};
+  ETUDE_ASSIGN_OR_RETURN(ready.work, factory({joined->id, spec, policy.text(), announcement.spec_sha256,
+                                              [this] { watched->Moved(); }, ready.fingerprint}));
   ready.spec = spec;
   ready.spec_sha256 = announcement.spec_sha256;
+  since_work.Restart();  // to make itself ready was no waiting
   return {};
 }
 

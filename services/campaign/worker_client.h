@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The worker's side of a campaign: join, lease, work, send, report. Generic over the work, so that it can
-// be tested with a fake one; worker/main.cc binds it to the simulation.
+// be tested with a fake one; worker/work.cc binds it to the simulation.
 #pragma once
 
 #include <chrono>
@@ -51,6 +51,8 @@ struct JoinedCampaign {
   std::string spec_sha256 = {};
   /// For a factory to call while it takes long: the service manager is told that it moves. May be empty.
   std::function<void()> moved = nullptr;
+  /// What the worker said that its bytes depend on; empty: it did not say.
+  Fingerprint fingerprint = {};
 };
 /// Makes the function for a campaign; called again when the spec changes, or another campaign of the name takes the
 /// place of one that has gone, not for each shard. Factory and function run on the thread that called Run.
@@ -102,25 +104,5 @@ class WorkerClient {
   explicit WorkerClient(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-/// Outcome of an AttemptReport that releases the lease undone; nothing is counted.
-inline constexpr char kReleased[] = "released";
-/// "reason" in the details of a kReleased report: the host's child that worked on it is no more.
-inline constexpr char kChildCrashed[] = "child_crashed";
-inline constexpr char kChildHung[] = "child_hung";
-/// true in them: not from outside (SIGKILL), so that the attempt itself may have done it.
-inline constexpr char kByAttempt[] = "by_attempt";
-/// Outcome of an attempt that ended so many workers (LeaseTableConfig::max_deaths): the next one is made instead.
-inline constexpr char kKillsWorkers[] = "kills_workers";
-/// What the collector counts when an episode does not fit what was leased; the same attempt is tried again.
-inline constexpr char kUnfitEpisode[] = "unfit_episode";
-/// Outcome of a rollout whose policy did not answer; the same attempt is tried again.
-inline constexpr char kPolicyError[] = "policy_error";
-/// true in its details: no policy can be asked as things are (it was trained for another robot, several have the name),
-/// so that waiting does not help and the evaluation ends.
-inline constexpr char kPolicyRefused[] = "refused";
-/// The task cannot be done from the start that was drawn, or there was none. In a rollout, where each attempt has the
-/// same start, the index is closed without a result.
-inline constexpr char kSceneInvalid[] = "scene_invalid";
 
 }  // namespace etude::campaign

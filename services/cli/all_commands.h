@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The whole command line as data: for completion and the reference pages.
 #pragma once
 
 #include <CLI/CLI.hpp>

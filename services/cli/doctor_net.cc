@@ -260,7 +260,7 @@ nlohmann::ordered_json ToJson(const NetworkReport& report) {
 Result<std::string> StarProfile(const std::string& cloud_xml, const std::vector<std::string>& hubs, int processes) {
   if (hubs.empty())
     return Fail(Code::kInvalidArgument,
-                "make a profile: name the hosts of collector, trainer and policy server by --hub");
+                "make a profile: name the hosts of collector, trainer, policy server and dashboard by --hub");
   std::string peers = "\n";
   std::set<std::string> known;
   for (const auto& hub : hubs) {
@@ -285,7 +285,7 @@ CLI::App* AddDoctorNet(CLI::App& doctor, std::shared_ptr<DoctorArguments> common
                           "instead: write a Cyclone DDS profile for hosts without multicast, a star around --hub");
   command
       ->add_option("--hub", arguments->hubs,
-                   "host of a collector, trainer or policy server: address or name; repeatable")
+                   "host of a collector, trainer, policy server or dashboard: address or name; repeatable")
       ->allow_extra_args(false)
       ->needs(write);
   command->add_option("--processes", arguments->processes, "most processes of a host on the bus")

@@ -136,6 +136,8 @@ Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
   // said now, not after an hour of rollouts that cannot be paired
   ETUDE_ASSIGN_OR_RETURN(const auto other, campaign::ReadEvaluation(arguments.compare));
   ETUDE_RETURN_IF_ERROR(campaign::CheckSameScenes(spec, other.spec, arguments.compare));
+  const OrderedJson now{{"rules", campaign::EvalRules(spec)}};
+  ETUDE_RETURN_IF_ERROR(campaign::CheckSameRules(now, other.report, arguments.compare));
   return spec;
 }
 

@@ -7,7 +7,6 @@
 
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
-#include "services/campaign/worker_client.h"
 #include "services/cli/decision_insights.h"
 #include "services/cli/evaluation_record.h"
 #include "services/cli/video.h"
@@ -15,8 +14,8 @@
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
-#include "services/episode/bounded_json.h"
 #include "services/policy/insight_client.h"
+#include "services/spec/attempt_outcome.h"
 
 namespace etude::cli {
 
@@ -145,7 +144,7 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
                 fmt::format("the rollouts in '{}' were stopped at {} of {}: run again to continue",
                             options.out.string(), hosted->progress().committed, hosted->progress().total));
   const auto& failures = hosted->progress().failures;
-  const auto invalid = failures.contains(campaign::kSceneInvalid) ? failures.at(campaign::kSceneInvalid) : 0;
+  const auto invalid = failures.contains(kSceneInvalid) ? failures.at(kSceneInvalid) : 0;
   if (const auto lost = hosted->progress().given_up - std::min(invalid, hosted->progress().given_up); lost > 0)
     Log().warn("{} rollouts could not be run and are not in the table; see {}/rollouts/attempts.jsonl", lost,
                options.out.string());

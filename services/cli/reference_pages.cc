@@ -5,9 +5,9 @@
 #include <map>
 #include <sstream>
 
-#include "services/campaign/worker_client.h"
 #include "services/cli/all_commands.h"
 #include "services/cli/reference.h"
+#include "services/spec/attempt_outcome.h"
 
 namespace etude::cli {
 namespace {
@@ -42,7 +42,7 @@ std::string OptionText(const OrderedJson& option) {
 // The default; of what depends on the machine that is asked, that it does.
 std::string DefaultText(const OrderedJson& option) {
   const std::string name = option["names"][0];
-  if (name == "--workers" || name == "--threads") return option["default"] == "" ? "" : "by its cores";
+  if (name == "--workers") return option["default"] == "" ? "" : "by its cores";
   return Code(option["default"].get<std::string>());
 }
 
@@ -122,7 +122,7 @@ std::string FailuresPage(const OrderedJson& outcomes) {
   page += fmt::format(
       "| `{}` | the collector's word: it crashed or hung three workers, one after the other, and the next "
       "attempt is made instead; a rollout is given up |\n",
-      campaign::kKillsWorkers);
+      kKillsWorkers);
   return page;
 }
 

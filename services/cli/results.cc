@@ -11,11 +11,14 @@
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/process.h"
+#include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
+#include "services/cli/evaluation.h"
 #include "services/cli/results_folder.h"
 #include "services/cli/results_record.h"
 #include "services/cli/results_report.h"
 #include "services/cli/results_table.h"
+#include "services/cli/sentence_suite.h"
 #include "services/cli/sibling_text.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
@@ -70,12 +73,36 @@ class Maker {
       // asked before hours of collecting
       ETUDE_ASSIGN_OR_RETURN(const Words words, TrainingWords(row, seed, run));
       ETUDE_RETURN_IF_ERROR(CheckTraining(words));
+      ETUDE_RETURN_IF_ERROR(CheckEvaluation(row));
       // from here on there is something of it
       ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
       ETUDE_RETURN_IF_ERROR(Collect(row));
       ETUDE_RETURN_IF_ERROR(Train(row, seed, run, words));
     }
     return Evaluate(row, seed, run);
+  }
+
+  // What `etude eval` would say of it, behind hours of training.
+  Status CheckEvaluation(const ResultRow& row) const {
+    const Status good = ValidateEvaluation(row.eval);
+    if (good) return {};
+    return Fail(good.error().Wrap("eval"));
+  }
+
+  Status ValidateEvaluation(const ResultEvaluation& eval) const {
+    CampaignSpec base;
+    if (!eval.scenes.empty()) {
+      ETUDE_ASSIGN_OR_RETURN(base, campaign::LoadSpecOrDataset({FileOf(eval.scenes), {}, {}, {}}));
+    }
+    EvaluationOptions options{.run = "run", .tasks = eval.tasks, .episodes = eval.episodes, .out = out_ / "eval"};
+    if (!eval.sentences.empty()) {
+      ETUDE_ASSIGN_OR_RETURN(options.sentences, LoadSentences(eval.sentences));
+      options.episodes = eval.scenes_each * options.sentences.size();
+    }
+    if (eval.occlude > 0) options.occlude = eval.occlude;
+    if (eval.pushes > 0) options.pushes = static_cast<int>(std::min<std::uint64_t>(eval.pushes, 1'000));
+    ETUDE_RETURN_IF_ERROR(campaign::WithOverrides(EvaluationSpec(base, options), eval.set));
+    return {};
   }
 
   // The row's own rollouts are worth a line without it.
@@ -309,8 +336,9 @@ struct Table {
   /// @param only  names of rows, which are shown beside those that they are compared with; none: all
   std::string Text(const ResultsConfig& config, const std::vector<std::string>& only = {}) const {
     std::set<std::string> shown;
-    for (const auto& row : config.rows)
-      if (Wanted(only, row.name)) shown.insert({row.name, row.compare});
+    // from the last one on: what a row is compared with stands before it, and may be compared itself
+    for (auto row = config.rows.rbegin(); row != config.rows.rend(); ++row)
+      if (Wanted(only, row->name) || shown.contains(row->name)) shown.insert({row->name, row->compare});
     std::vector<ResultLine> lines;
     for (const auto& row : config.rows)
       if (shown.contains(row.name)) lines.push_back({&row, records.Find(row)});

@@ -5,6 +5,7 @@
 
 #include <sstream>
 
+#include "services/core/printable.h"
 #include "services/language/held_out.h"
 #include "services/language/tokenizer.h"
 #include "services/spec/object_names.h"
@@ -26,11 +27,6 @@ std::vector<SentenceSpec> Table11() {
   for (const auto& sentence : language::HeldOutSentences())
     sentences.push_back({sentence.text, sentence.task, sentence.object, ""});
   return sentences;
-}
-
-std::string Trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(" \t\r"), last = text.find_last_not_of(" \t\r");
-  return first == std::string::npos ? "" : text.substr(first, last - first + 1);
 }
 
 Result<SentenceSpec> ParseLine(const std::string& line) {
@@ -57,7 +53,7 @@ Result<std::vector<SentenceSpec>> LoadSentences(const std::string& suite) {
   int number = 0;
   for (std::string raw; std::getline(lines, raw);) {
     ++number;
-    const std::string line = Trimmed(raw);
+    const std::string line(Trimmed(raw));
     if (line.empty() || line.front() == '#') continue;
     auto sentence = ParseLine(line);
     if (!sentence) return Fail(sentence.error().Wrap(fmt::format("{}:{}", suite, number)));

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// What another program of Etude says when it is asked.
 #pragma once
 
 #include <string>

@@ -401,6 +401,18 @@ Status CheckTraining(const UpConfig& config, const std::string& file) {
   return Fail(good.error().Wrap(fmt::format("{}: train", file)));
 }
 
+// And so is what the identities would of those that are started later: one without its own gets this one.
+Status CheckIdentities(const BusArguments& bus) {
+  if (bus.security.empty()) return {};
+  for (const auto role : {security::Role::kWorker, security::Role::kTrainer, security::Role::kPolicy}) {
+    const auto opened = security::OpenIdentity(security::IdentityFor(bus.security, role), {role});
+    if (!opened)
+      return Fail(opened.error().Wrap(fmt::format("what `etude up` starts as {0} takes the identity '{0}' beside '{1}'",
+                                                  security::ToString(role), bus.security)));
+  }
+  return {};
+}
+
 // nullopt: it is not wanted, or it cannot be started; then it is said why.
 std::optional<DashboardService> StartDashboard(const UpArguments& arguments, const Path& out, const BusArguments& bus) {
   if (arguments.no_dashboard) return std::nullopt;
@@ -418,10 +430,11 @@ Status Up(const UpArguments& arguments) {
   for (const char* program : {"etude-worker", "etude-trainer", "etude-policy"})
     ETUDE_RETURN_IF_ERROR(campaign::FindSibling(program));
   ETUDE_RETURN_IF_ERROR(CheckTraining(config, arguments.file));
+  const BusArguments bus{config.domain, arguments.profile, arguments.log, arguments.security};
+  ETUDE_RETURN_IF_ERROR(CheckIdentities(bus));
   ETUDE_RETURN_IF_ERROR(MakeFolders(config.out));
   ETUDE_ASSIGN_OR_RETURN(const FileLock lock,
                          FileLock::Take(Path(config.out) / ".up.lock", fmt::format("'{}' is brought up", config.out)));
-  const BusArguments bus{config.domain, arguments.profile, arguments.log, arguments.security};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open({security::Role::kCollector, security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude up", .folder = config.out}));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/core/printable.h"
 
+#include <algorithm>
+
 namespace etude {
 
 std::string Printable(std::string line) {
@@ -23,6 +25,12 @@ std::string PrintableLines(const std::string& text) {
     from = end + 1;
   }
   return lines;
+}
+
+std::string_view Trimmed(std::string_view text) {
+  constexpr std::string_view kWhiteSpace = " \t\r\n";
+  text.remove_prefix(std::min(text.find_first_not_of(kWhiteSpace), text.size()));
+  return text.substr(0, text.find_last_not_of(kWhiteSpace) + 1);
 }
 
 }  // namespace etude

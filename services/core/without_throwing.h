@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Exceptions of libraries end here, as errors with their words.
 #pragma once
 
 #include <exception>

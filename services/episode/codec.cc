@@ -8,7 +8,6 @@
 #include <cstring>
 #include <limits>
 
-#include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/tracks.h"

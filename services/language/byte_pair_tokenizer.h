@@ -29,7 +29,6 @@ class BytePairTokenizer {
   /// Cost: of a word the square of its length.
   std::vector<std::int64_t> Encode(std::string_view sentence) const;
 
-  std::int64_t start_token() const { return start_; }
   std::int64_t end_token() const { return end_; }
   std::int64_t largest_id() const { return largest_; }
 

@@ -8,7 +8,6 @@
 #include "services/core/check.h"
 #include "services/core/config.h"
 #include "services/language/sentence.h"
-#include "services/language/tokenizer.h"
 #include "services/language/vocabulary.h"
 #include "services/spec/object_names.h"
 

@@ -144,6 +144,16 @@ Status KeptCheckpoints::Keep(const bus::PublishedBlob& blob) {
   return {};
 }
 
+// The record first: what it names must be there.
+Status KeptCheckpoints::Forget(const std::string& channel) {
+  auto channels = channels_;
+  if (channels.erase(channel) == 0) return {};
+  ETUDE_RETURN_IF_ERROR(WriteRecord(channels));
+  channels_ = std::move(channels);
+  RemoveOthers();
+  return {};
+}
+
 Status KeptCheckpoints::WriteRecord(const std::map<std::string, Kept>& channels) const {
   OrderedJson list = OrderedJson::object();
   for (const auto& [channel, kept] : channels)

@@ -38,7 +38,7 @@ struct KeptOwner : bus::Owner {
 Result<std::optional<KeptOwner>> KeptRun(const Path& folder);
 
 /// One file a channel: what is newer takes the place of what there was, durably and by one rename, so that a kill or a
-/// power cut leaves the old one or the new one. Versions never go back. Not thread-safe.
+/// power cut leaves the old one or the new one. Versions never go back, but where one is forgotten. Not thread-safe.
 class KeptCheckpoints {
  public:
   /// More channels than a run has are not kept: what a publisher can fill is bounded.
@@ -54,6 +54,9 @@ class KeptCheckpoints {
   /// @error kInvalidArgument: no plain channel, too many of them, older than what is kept, or another one of its
   /// version; kUnavailable: the disk, and nothing has changed
   Status Keep(const bus::PublishedBlob& blob);
+  /// Removes what is kept of a channel, and its version counts no more. Of a channel that is not kept: nothing.
+  /// @error kUnavailable: the disk; it is kept
+  Status Forget(const std::string& channel);
 
   const std::map<std::string, Kept>& channels() const { return channels_; }  ///< by channel
   /// The bytes. @error kCorrupt: they do not fit their hash any more, and `whole` is false from now on; kUnavailable,

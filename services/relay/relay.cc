@@ -105,6 +105,24 @@ Status Relay::Impl::Publish(const std::string& name, const Kept& one, Channel& c
   return {};
 }
 
+namespace {
+
+// What was kept before anybody asked for signatures would be offered for ever. One below a floor that is shared stays:
+// it is signed, and subscribers have floors of their own.
+Status ForgetRefused(const bus::Owner& run, const RelayOptions& options, KeptCheckpoints& kept) {
+  if (!options.accept) return {};
+  const auto channels = kept.channels();  // as they are now: some are forgotten meanwhile
+  for (const auto& [channel, one] : channels) {
+    const Status judged = options.accept({channel, one.version, run.id, one.meta_json, one.sha256, {}});
+    if (judged || judged.error().code != Code::kCorrupt) continue;
+    Log().warn("not kept any more channel={} version={}: {}", channel, one.version, judged.error().message);
+    ETUDE_RETURN_IF_ERROR(kept.Forget(channel));
+  }
+  return {};
+}
+
+}  // namespace
+
 Relay::Relay(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Relay::Relay(Relay&&) noexcept = default;
 Relay& Relay::operator=(Relay&&) noexcept = default;
@@ -112,6 +130,7 @@ Relay::~Relay() = default;
 
 Result<Relay> Relay::Open(const bus::Participant& participant, const bus::Owner& run, const RelayOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto kept, KeptCheckpoints::Open(options.folder, run, options.user));
+  ETUDE_RETURN_IF_ERROR(ForgetRefused(run, options, kept));
   std::unique_ptr<Impl> impl(new Impl{&participant, run, options, std::move(kept), {}, {}, {}});
   const auto presence = bus::MakePresence(bus::PresenceKind::kRelay, run.name, run.id, options.folder.string());
   // several may relay one run

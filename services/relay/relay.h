@@ -27,7 +27,8 @@ namespace etude::relay {
 
 struct RelayOptions {
   Path folder;  ///< of this relay alone, see kept_checkpoints.h
-  /// Which of the run's checkpoints are kept, such as bus::AcceptSigned; called by one thread. Empty: all.
+  /// Which of the run's checkpoints are kept, such as bus::AcceptSigned; called by one thread. Empty: all. What is kept
+  /// already is judged, without its bytes, as the relay is opened: what is kCorrupt is forgotten.
   std::function<Status(const bus::PublishedBlob&)> accept;
   /// For so long nobody else must have had what is kept before it is offered: longer than it takes to discover a
   /// trainer that is there, or to hear its next checkpoint out.
@@ -39,7 +40,7 @@ struct RelayOptions {
 class Relay {
  public:
   /// Is in the directory (kind relay) for as long as it lives.
-  /// @error as KeptCheckpoints::Open; of the bus
+  /// @error as KeptCheckpoints::Open and Forget; of the bus
   static Result<Relay> Open(const bus::Participant& participant, const bus::Owner& run, const RelayOptions& options);
   Relay(Relay&&) noexcept;
   Relay& operator=(Relay&&) noexcept;

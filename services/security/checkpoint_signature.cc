@@ -190,7 +190,9 @@ Result<CheckpointVerifier> CheckpointVerifier::Open(const Path& public_key, cons
   if (floor.empty()) {
     ETUDE_ASSIGN_OR_RETURN(impl->floor_file, DefaultFloor(public_key));
   }
-  ETUDE_RETURN_IF_ERROR(ReadFloor(impl->floor_file));  // to say at the start what would refuse every checkpoint
+  // to say at the start what would refuse every checkpoint: one that is not there yet may be where nobody can write
+  ETUDE_ASSIGN_OR_RETURN(const Descriptor lock, LockFloor(impl->floor_file));
+  ETUDE_RETURN_IF_ERROR(ReadFloor(impl->floor_file));
   return CheckpointVerifier(std::move(impl));
 }
 

@@ -52,7 +52,7 @@ class CheckpointSigner {
 class CheckpointVerifier {
  public:
   /// @param floor  the file of the floor; empty: DefaultFloor(key)
-  /// @error kUnavailable, kCorrupt: no such key, no Ed25519 key, a floor that cannot be read
+  /// @error kUnavailable, kCorrupt: no such key, no Ed25519 key, a floor that cannot be locked or read
   static Result<CheckpointVerifier> Open(const Path& public_key, const Path& floor = {});
   CheckpointVerifier(CheckpointVerifier&&) noexcept;
   CheckpointVerifier& operator=(CheckpointVerifier&&) noexcept;

@@ -95,10 +95,10 @@ Status CheckChain(const Identity& identity, X509* certificate) {
   return {};
 }
 
-// A document that is not the one its authority signed.
-Status CheckSigned(const Path& folder, const char* name, X509* authority) {
+// What a document says, where it is the one that its authority signed.
+Result<std::string> CheckSigned(const Path& folder, const char* name, X509* authority) {
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(folder / name, 1 << 20));
-  const Bio in = MemoryBio(text);
+  const Bio in = MemoryBio(text), out = EmptyBio();
   BIO* content = nullptr;
   const Pkcs7 document(SMIME_read_PKCS7(in.get(), &content));
   const Bio owned(content);
@@ -108,11 +108,24 @@ Status CheckSigned(const Path& folder, const char* name, X509* authority) {
   X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME);
   X509_STORE_set_purpose(store.get(), X509_PURPOSE_ANY);
   const bool sound = document && content != nullptr &&
-                     PKCS7_verify(document.get(), nullptr, store.get(), owned.get(), nullptr, 0) == 1;
-  if (sound) return {};
-  return Refuse(folder, OpensslError(Code::kUnavailable,
-                                     fmt::format("'{}' is not what permissions-ca.pem signed; copy it again", name))
-                            .message);
+                     PKCS7_verify(document.get(), nullptr, store.get(), owned.get(), out.get(), 0) == 1;
+  if (sound) return TextOf(out);
+  const Error why =
+      OpensslError(Code::kUnavailable, fmt::format("'{}' is not what permissions-ca.pem signed; copy it again", name));
+  return Fail(Refuse(folder, why.message).error());
+}
+
+// The library ends a participant without a word when the term of its permissions is over, whatever its certificate
+// says.
+Status CheckTerm(const Identity& identity, const std::string& permissions) {
+  std::string end = UtcText(identity.not_after);
+  end[10] = 'T';
+  const auto says = [&](const char* element, const std::string& value) {
+    return permissions.find(fmt::format("<{0}>{1}</{0}>", element, value)) != std::string::npos;
+  };
+  if (says("subject_name", identity.subject) && says("not_after", end)) return {};
+  return Refuse(identity.folder,
+                "permissions.p7s is not of this cert.pem (another name, or another end); copy the whole folder again");
 }
 
 }  // namespace
@@ -136,7 +149,8 @@ Result<Identity> OpenIdentity(const Path& folder, const std::vector<Role>& roles
   ETUDE_RETURN_IF_ERROR(CheckChain(identity, certificate.get()));
   ETUDE_ASSIGN_OR_RETURN(const Certificate authority, ReadCertificate(whole / "permissions-ca.pem"));
   ETUDE_RETURN_IF_ERROR(CheckSigned(whole, "governance.p7s", authority.get()));
-  ETUDE_RETURN_IF_ERROR(CheckSigned(whole, "permissions.p7s", authority.get()));
+  ETUDE_ASSIGN_OR_RETURN(const std::string permissions, CheckSigned(whole, "permissions.p7s", authority.get()));
+  ETUDE_RETURN_IF_ERROR(CheckTerm(identity, permissions));
   ETUDE_RETURN_IF_ERROR(CheckRoles(identity, roles));
   return identity;
 }

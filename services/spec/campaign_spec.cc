@@ -135,6 +135,10 @@ void CheckCamera(const CameraSpec& camera, Problems& problems) {
     return numbers.size() == 3 && std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); });
   };
   problems.Require(three(camera.position), "camera.position: three numbers");
+  constexpr double kFarthest = 11;  // m: 12 m from the camera, drawing ends
+  if (three(camera.position))
+    problems.Require(std::hypot(camera.position[0], camera.position[1], camera.position[2]) <= kFarthest,
+                     fmt::format("camera.position: more than {} m from the table, where it sees nothing", kFarthest));
   problems.Require(three(camera.euler), "camera.euler: three numbers");
 }
 

@@ -169,10 +169,20 @@ EpisodeSeeds SeedsOf(std::uint64_t seed) {
 
 namespace {
 
+// The robots in turn. Where their rounds and those of the tasks (or sentences) end together, the next round begins with
+// another robot: else each of them would never meet some.
+const std::string& RobotOf(const CampaignSpec& spec, std::uint64_t index) {
+  const std::uint64_t things = SentenceOf(spec, index) ? spec.rollout.sentences.size() : spec.tasks.size();
+  const std::uint64_t robots = spec.robots.size(), round = robots * kEpisodesPerScene;
+  const bool together = std::gcd(things, round) > kEpisodesPerScene;
+  const std::uint64_t rounds = together ? index / std::lcm(things, round) : 0;
+  return spec.robots[(index / kEpisodesPerScene + rounds) % robots];
+}
+
 // What follows from task, target and reference, and from the index alone.
 void FillScene(const CampaignSpec& spec, const std::vector<std::string>& objects, EpisodePlan& plan) {
   plan.scene = SceneSpec(spec);
-  plan.scene.robot = spec.robots[plan.index / kEpisodesPerScene % spec.robots.size()];
+  plan.scene.robot = RobotOf(spec, plan.index);
   plan.scene.objects = objects;
   if (plan.has_obstacle()) plan.scene.objects.push_back(kObstacleObject);
   plan.distractors = DrawDistractors(spec, plan.index);

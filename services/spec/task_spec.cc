@@ -165,7 +165,7 @@ TaskSpec Read(const TaskKeys& keys, std::vector<std::string>& errors) {
   return task;
 }
 
-// Everything that an episode or a sentence depends on, defaults filled in.
+// Everything that an episode or a sentence depends on; the stages' defaults filled in, predicates as written.
 std::string HashOf(const TaskSpec& task, TaskKeys keys) {
   for (std::size_t i = 0; i < task.stages.size(); ++i) {
     OrderedJson parameters = std::visit([](const auto& primitive) { return ToJson(primitive); }, task.stages[i]);

@@ -180,7 +180,7 @@ struct TaskSpec {
   std::vector<StageSpec> stages;
   PredicateSpec success;                 ///< done, strictly
   std::optional<PredicateSpec> latched;  ///< done once, as the paper's authors count; none: `success` once
-  std::string sha256;                    ///< of its meaning: comments, order of keys and defaults left out do not count
+  std::string sha256;                    ///< of its meaning: comments, order of keys, stages' defaults do not count
 
   bool Has(std::string_view primitive) const;
   /// Whether an object may be the reference of a target, as campaigns or as scenes name them.

@@ -14,10 +14,6 @@ namespace etude::store {
 /// Bytes of a line that is read; DatasetWriter writes none that is longer.
 inline constexpr std::size_t kMaxAttemptLine = 1 << 20;
 
-/// Outcome of a line that is no failed attempt: another host made a committed episode again and came to other bytes, or
-/// to none. What was committed stays.
-inline constexpr char kRecheckMismatch[] = "recheck_mismatch";
-
 struct AttemptLine {
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <vector>
 
 #include "services/core/descriptor.h"
 #include "services/core/growing_file.h"
@@ -118,10 +119,6 @@ class Keys {
   const OrderedJson& json_;
   bool ok_ = true;
 };
-
-std::uint32_t Narrow(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, std::numeric_limits<std::uint32_t>::max()));
-}
 
 // Cuts blocks into lines. One that is too long for ours is passed over without being kept.
 class LineCutter {
@@ -344,111 +341,47 @@ Status CommitJournal::Append(const CommitRow& row) {
   return {};
 }
 
-void WordColumn::Set(std::size_t row, const std::string& text) {
-  static const std::string kOther = "…";
-  const bool fits = text.size() <= kLongestWord && (words_.size() < kMostWords || code_of_.contains(text));
-  const std::string& word = fits ? text : kOther;
-  const auto [found, fresh] = code_of_.try_emplace(word, static_cast<std::uint32_t>(words_.size()));
-  if (fresh) words_.push_back(word);
-  if (row == codes_.size())
-    codes_.push_back(found->second);
-  else
-    codes_[row] = found->second;
+namespace {
+
+void BoundTexts(CommitRow& row) {
+  for (auto* text : {&row.facts.worker, &row.facts.host, &row.facts.fingerprint, &row.outcome, &row.robot, &row.task,
+                     &row.target, &row.reference, &row.instruction})
+    if (text->size() > CommitTail::kLongestText) *text = "…";
 }
 
-void WordColumn::Clear() {
-  codes_.clear();
-  words_.clear();
-  code_of_.clear();
-}
+}  // namespace
 
-CommitTable::CommitTable(const Path& dataset, std::size_t most_rows)
-    : file_(dataset / internal::kCommits), most_rows_(most_rows) {}
+CommitTail::CommitTail(const Path& dataset) : file_(dataset / internal::kCommits) {}
 
-void CommitTable::Clear() {
-  row_of_.clear();
-  for (auto* column : {&index_, &bytes_}) column->clear();
-  for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->clear();
-  t_.clear();
-  for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->clear();
-  timings_.clear();
-  place_m_.clear();
-  for (auto* column :
-       {&worker_, &host_, &fingerprint_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
-    column->Clear();
-  unread_ = offset_ = 0;
-  before_.clear();
-  ++generation_;
-}
-
-void CommitTable::Put(std::size_t row, const CommitRow& from) {
-  if (row == index_.size()) {
-    index_.push_back(0);
-    bytes_.push_back(0);
-    for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->push_back(0);
-    t_.push_back(0);
-    for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->push_back(0);
-    timings_.emplace_back();
-    place_m_.emplace_back();
-  }
-  index_[row] = from.index;
-  bytes_[row] = from.bytes;
-  attempt_[row] = from.attempt;
-  steps_[row] = Narrow(from.steps);
-  frames_[row] = Narrow(from.frames);
-  draws_[row] = Narrow(from.draws);
-  t_[row] = from.t;
-  path_m_[row] = static_cast<float>(from.path_m);
-  jerk_[row] = static_cast<float>(from.jerk);
-  joint_speed_[row] = static_cast<float>(from.joint_speed);
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  const auto [x, y] = from.place_m.value_or(std::array{kNone, kNone});
-  place_m_[row] = {static_cast<float>(x), static_cast<float>(y)};
-  timings_[row] = from.facts.timings;
-  worker_.Set(row, from.facts.worker);
-  host_.Set(row, from.facts.host);
-  fingerprint_.Set(row, from.facts.fingerprint);
-  outcome_.Set(row, from.outcome);
-  robot_.Set(row, from.robot);
-  task_.Set(row, from.task);
-  target_.Set(row, from.target);
-  reference_.Set(row, from.reference);
-  instruction_.Set(row, from.instruction);
-}
-
-void CommitTable::Take(std::string_view line) {
-  const auto row = ParseCommitLine(line);
-  const bool known = row && row_of_.contains(row->index);
-  if (!row || (!known && size() >= most_rows_)) {
-    ++unread_;
-    return;
-  }
-  const std::size_t at = row_of_.try_emplace(row->index, size()).first->second;
-  Put(at, *row);
-}
-
-Result<bool> CommitTable::Refresh() {
+Result<bool> CommitTail::Refresh(const std::function<void()>& reset,
+                                 const std::function<void(const CommitRow&)>& take) {
   const Descriptor file(::open(file_.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0 && errno == ENOENT) {
-    const bool had = size() > 0;
-    if (had) Clear();
+    const bool had = offset_ > 0;
+    if (had) reset();
+    device_ = inode_ = offset_ = 0;
+    before_.clear();
     return had;
   }
   struct stat info {};
   if (file.get() < 0 || ::fstat(file.get(), &info) != 0) return Fail(ErrnoError("read", file_, errno));
   const auto length = static_cast<std::uint64_t>(info.st_size);
   const bool replaced = info.st_dev != device_ || info.st_ino != inode_ || BytesBefore(file.get(), offset_) != before_;
-  if (replaced) Clear();
+  if (replaced) {
+    reset();
+    offset_ = 0;
+    before_.clear();
+  }
   device_ = info.st_dev;
   inode_ = info.st_ino;
   const std::uint64_t before = offset_;
-  const Status taken = TakeLines(file.get(), length);
+  const Status taken = TakeLines(file.get(), length, take);
   before_ = BytesBefore(file.get(), offset_);
   if (!taken) return Fail(taken.error());
   return replaced || offset_ != before;
 }
 
-Status CommitTable::TakeLines(int file, std::uint64_t length) {
+Status CommitTail::TakeLines(int file, std::uint64_t length, const std::function<void(const CommitRow&)>& take) {
   LineCutter cutter;
   std::vector<char> block(1 << 18);
   for (std::uint64_t at = offset_; at < length;) {
@@ -460,41 +393,14 @@ Status CommitTable::TakeLines(int file, std::uint64_t length) {
     at += static_cast<std::uint64_t>(got);
     cutter.Add({block.data(), static_cast<std::size_t>(got)}, [&](const std::string* line, std::size_t left) {
       offset_ = at - left;
-      if (line)
-        Take(*line);
-      else
-        ++unread_;
+      if (!line) return;
+      auto row = ParseCommitLine(*line);
+      if (!row) return;
+      BoundTexts(*row);
+      take(*row);
     });
   }
   return {};
-}
-
-std::size_t CommitTable::RowOfIndex(std::uint64_t index) const {
-  const auto found = row_of_.find(index);
-  return found == row_of_.end() ? size() : found->second;
-}
-
-CommitRow CommitTable::Row(std::size_t row) const {
-  CommitRow out;
-  out.index = index_[row];
-  out.attempt = attempt_[row];
-  out.t = t_[row];
-  out.facts = {worker_.At(row), host_.At(row), fingerprint_.At(row), timings_[row]};
-  out.bytes = bytes_[row];
-  out.steps = steps_[row];
-  out.frames = frames_[row];
-  out.outcome = outcome_.At(row);
-  out.robot = robot_.At(row);
-  out.task = task_.At(row);
-  out.target = target_.At(row);
-  out.reference = reference_.At(row);
-  out.instruction = instruction_.At(row);
-  out.path_m = path_m_[row];
-  out.jerk = jerk_[row];
-  out.joint_speed = joint_speed_[row];
-  if (const auto [x, y] = place_m_[row]; std::isfinite(x)) out.place_m = {{double{x}, double{y}}};
-  out.draws = draws_[row];
-  return out;
 }
 
 }  // namespace etude::store

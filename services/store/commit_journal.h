@@ -4,9 +4,9 @@
 // made them and how long it took: the files decide what is committed, `DatasetWriter` brings the journal in line with
 // them, and a reader that finds a line missing has lost nothing.
 //
-//   CommitTable table("out/data");
-//   table.Refresh();                                   // again later: reads only what was added
-//   for (std::size_t row = 0; row < table.size(); ++row) use(table.index()[row], table.task().At(row));
+//   CommitTail tail("out/data");
+//   tail.Refresh([&] { rows.clear(); }, [&](const CommitRow& row) { rows[row.index] = row; });
+//   tail.Refresh(...);                                 // again later: reads only what was added
 #pragma once
 
 #include <array>
@@ -16,9 +16,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <unordered_set>
-#include <vector>
 
 #include "services/core/file.h"
 #include "services/core/result.h"
@@ -98,84 +96,28 @@ class CommitJournal {
   std::unordered_set<std::uint64_t> rows_;  // indices
 };
 
-/// Texts of which many are equal: one number a row. Beyond kMostWords different ones, or kLongestWord bytes, a text
-/// becomes "…": memory has a bound, whoever wrote the file.
-class WordColumn {
+/// The reading end, also while it grows: each line once. Memory has a bound, whoever wrote the file: a text beyond
+/// kLongestText bytes becomes "…", and what is longer than a line of ours is passed over. One thread at a time.
+class CommitTail {
  public:
-  static constexpr std::size_t kMostWords = 65'536;
-  static constexpr std::size_t kLongestWord = 1'000;
+  static constexpr std::size_t kLongestText = 1'000;
 
-  const std::string& At(std::size_t row) const { return words_[codes_[row]]; }
-  const std::vector<std::uint32_t>& codes() const { return codes_; }  ///< by row, into words()
-  const std::vector<std::string>& words() const { return words_; }    ///< in the order in which they came
-  /// @pre row <= rows so far
-  void Set(std::size_t row, const std::string& text);
-  void Clear();
+  explicit CommitTail(const Path& dataset);
+
+  /// Calls `take` with each line that came since the last call, in their order: of an index that comes again the later
+  /// one counts. What is not understood is passed over; a last line without its end waits for the next call.
+  /// @param reset  called first when the file was replaced or has gone, and before the first lines of all: what was
+  /// taken so far counts no more
+  /// @returns whether anything changed. @error kUnavailable: it cannot be read now; what was taken stands, and the next
+  /// call goes on behind it
+  Result<bool> Refresh(const std::function<void()>& reset, const std::function<void(const CommitRow&)>& take);
 
  private:
-  std::vector<std::uint32_t> codes_;
-  std::vector<std::string> words_;
-  std::unordered_map<std::string, std::uint32_t> code_of_;
-};
-
-/// The reading end: the journal as columns, also while it grows. About 200 bytes a row. One thread at a time.
-class CommitTable {
- public:
-  explicit CommitTable(const Path& dataset, std::size_t most_rows = 2'000'000);
-
-  /// Reads what was added since; all of it again when the file was replaced (then `generation` grows). A last line
-  /// without its end waits for the next call. No file: no rows.
-  /// @returns true when something changed. @error kUnavailable: it cannot be read now; the rows stay.
-  Result<bool> Refresh();
-
-  std::size_t size() const { return index_.size(); }
-  std::uint64_t generation() const { return generation_; }
-  std::uint64_t unread_lines() const { return unread_; }  ///< not understood, or beyond the most rows
-  /// The row of an episode, or size().
-  std::size_t RowOfIndex(std::uint64_t index) const;
-  CommitRow Row(std::size_t row) const;
-
-  // Columns, a value for each row in the order of commits. A second line of an index takes the place of the first.
-  const std::vector<std::uint64_t>& index() const { return index_; }
-  const std::vector<std::uint32_t>& attempt() const { return attempt_; }
-  const std::vector<double>& t() const { return t_; }
-  const std::vector<std::uint64_t>& bytes() const { return bytes_; }
-  const std::vector<std::uint32_t>& steps() const { return steps_; }
-  const std::vector<std::uint32_t>& frames() const { return frames_; }
-  const std::vector<float>& path_m() const { return path_m_; }
-  const std::vector<float>& jerk() const { return jerk_; }
-  const std::vector<float>& joint_speed() const { return joint_speed_; }
-  const std::vector<std::uint32_t>& draws() const { return draws_; }
-  const std::vector<AttemptTimes>& timings() const { return timings_; }
-  const WordColumn& worker() const { return worker_; }
-  const WordColumn& host() const { return host_; }
-  const WordColumn& fingerprint() const { return fingerprint_; }
-  const WordColumn& outcome() const { return outcome_; }
-  const WordColumn& robot() const { return robot_; }
-  const WordColumn& task() const { return task_; }
-  const WordColumn& target() const { return target_; }
-  const WordColumn& reference() const { return reference_; }
-  const WordColumn& instruction() const { return instruction_; }
-
- private:
-  void Clear();
-  Status TakeLines(int file, std::uint64_t length);
-  void Take(std::string_view line);
-  void Put(std::size_t row, const CommitRow& from);
+  Status TakeLines(int file, std::uint64_t length, const std::function<void(const CommitRow&)>& take);
 
   Path file_;
-  std::size_t most_rows_;
-  std::uint64_t generation_ = 0, unread_ = 0;
   std::uint64_t device_ = 0, inode_ = 0, offset_ = 0;  // of the file that was read, and how far
   std::string before_;                                 // what stands before `offset_`
-  std::unordered_map<std::uint64_t, std::size_t> row_of_;
-  std::vector<std::uint64_t> index_, bytes_;
-  std::vector<std::uint32_t> attempt_, steps_, frames_, draws_;
-  std::vector<double> t_;
-  std::vector<float> path_m_, jerk_, joint_speed_;
-  std::vector<std::array<float, 2>> place_m_;  // NaN: not said
-  std::vector<AttemptTimes> timings_;
-  WordColumn worker_, host_, fingerprint_, outcome_, robot_, task_, target_, reference_, instruction_;
 };
 
 }  // namespace etude::store

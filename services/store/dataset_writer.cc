@@ -11,9 +11,11 @@
 #include <utility>
 
 #include "services/core/clock.h"
+#include "services/core/free_name.h"
 #include "services/core/log.h"
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/attempts.h"
 #include "services/store/commit_file.h"
@@ -154,6 +156,24 @@ Status Describe(const Path& dataset, const CampaignSpec& spec) {
   return internal::WriteDatasetFile(dataset, description);
 }
 
+// `episodes` on a disk that is not mounted is an empty folder. A deletion, and verify, leave statistics of none.
+Status CheckNotAway(const Path& dataset) {
+  std::error_code error;
+  const auto journal = std::filesystem::file_size(dataset / internal::kCommits, error);
+  if (error || journal == 0) return {};
+  ETUDE_ASSIGN_OR_RETURN(const auto found, internal::ReadDatasetFile(dataset));
+  const OrderedJson& statistics = found.statistics;
+  const bool had_some = statistics.is_object() && statistics.contains("episodes") &&
+                        statistics["episodes"].is_number_unsigned() && statistics["episodes"] > 0;
+  if (!had_some) return {};
+  return Fail(
+      Code::kUnavailable,
+      fmt::format("'{}' says that it has {} episodes, and not one of them is there: is the disk of '{}' away? If "
+                  "they were removed on purpose, remove {}, too",
+                  dataset.string(), statistics["episodes"].get<std::uint64_t>(),
+                  (dataset / internal::kEpisodes).string(), internal::kCommits));
+}
+
 }  // namespace
 
 Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpec& spec) {
@@ -166,6 +186,8 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   ETUDE_RETURN_IF_ERROR(Describe(dataset, spec));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
+  const auto sizes = internal::SizesOf(files);
+  if (sizes.empty()) ETUDE_RETURN_IF_ERROR(CheckNotAway(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
   auto impl = std::unique_ptr<Impl>(new Impl{.dataset = dataset,
@@ -176,7 +198,7 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   const MutexLock writing(impl->mutex);
   impl->recorded = RecordedAttempts(dataset);
   impl->failures = internal::FailuresByOutcome(dataset);
-  ETUDE_RETURN_IF_ERROR(impl->Restore(internal::SizesOf(files)));
+  ETUDE_RETURN_IF_ERROR(impl->Restore(sizes));
   return DatasetWriter(std::move(impl));
 }
 
@@ -316,10 +338,8 @@ Status DatasetWriter::ForgetFailures() {
   const MutexLock lock(impl_->mutex);
   if (impl_->recorded.empty()) return {};
   const Path file = impl_->dataset / internal::kAttempts;
-  Path aside = impl_->dataset / "attempts.1.jsonl";
+  const Path aside = FirstFree([&](int n) { return impl_->dataset / fmt::format("attempts.{}.jsonl", n); });
   std::error_code error;
-  for (int n = 2; std::filesystem::exists(aside, error); ++n)
-    aside = impl_->dataset / fmt::format("attempts.{}.jsonl", n);
   std::filesystem::rename(file, aside, error);
   if (error) return Fail(ErrnoError("set aside", file, error.value()));
   ETUDE_ASSIGN_OR_RETURN(impl_->attempts, LineAppender::Open(file));

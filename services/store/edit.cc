@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <fstream>
 
 #include "services/core/log.h"
 #include "services/core/stop.h"
@@ -206,6 +207,19 @@ Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to) {
   return attempts.Sync();
 }
 
+Status CopyCommits(const std::vector<EpisodeSource>& sources, const Path& to) {
+  ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(to / kCommits));
+  for (const auto& source : sources) {
+    std::ifstream file(source.dataset / kCommits);
+    for (std::string line; std::getline(file, line);) {
+      if (file.eof()) break;  // without its end it may be torn
+      const auto row = ParseCommitLine(line);
+      if (row && source.indices.contains(row->index)) ETUDE_RETURN_IF_ERROR(lines.Append(line));
+    }
+  }
+  return lines.Sync();
+}
+
 Status SyncEpisodeFolders(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto files, ListEpisodeFolder(dataset));
   std::set<Path> folders;
@@ -235,6 +249,7 @@ Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, co
   ETUDE_RETURN_IF_ERROR(MarkDerived(to));
   ETUDE_RETURN_IF_ERROR(CopyAttempts(sources, to));
   ETUDE_RETURN_IF_ERROR(CopyFilterKeys(sources, to));
+  ETUDE_RETURN_IF_ERROR(CopyCommits(sources, to));
   std::uint64_t done = 0, total = 0;
   for (const auto& source : sources) total += source.indices.size();
   for (const auto& source : sources)

@@ -119,6 +119,8 @@ Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, co
 Status CopyDescription(const Path& from, const Path& to);
 /// Lines of attempts.jsonl about the sources' episodes.
 Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to);
+/// Who made each of these episodes, and when, from the journals of their datasets.
+Status CopyCommits(const std::vector<EpisodeSource>& sources, const Path& to);
 /// What the sources' filter keys say of the episodes that come along.
 Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to);
 Status SyncEpisodeFolders(const Path& dataset);

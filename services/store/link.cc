@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <fstream>
 #include <iterator>
 #include <optional>
 #include <unordered_map>
@@ -102,18 +101,6 @@ Status LinkEpisode(const Path& from, const Path& to) {
   return Fail(std::move(failed));
 }
 
-// Who made each episode, and when. Lines whose episode is not there are dropped when the journal is opened.
-Status CopyCommits(const std::vector<LinkedShard>& shards, const Path& to) {
-  ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(to / internal::kCommits));
-  for (const LinkedShard& shard : shards) {
-    std::ifstream file(shard.path / internal::kCommits);
-    for (std::string line; std::getline(file, line);) {
-      if (!file.eof()) ETUDE_RETURN_IF_ERROR(lines.Append(line));  // a last one without its end may be torn
-    }
-  }
-  return lines.Sync();
-}
-
 // Of what the shard has, and of what none has: given up, or not made yet.
 std::set<std::uint64_t> AttemptedIndices(const LinkedShard& shard, const ShardOf& shard_of) {
   std::set<std::uint64_t> indices(shard.indices.begin(), shard.indices.end());
@@ -146,7 +133,7 @@ Status FillLinked(const std::vector<LinkedShard>& shards, const ShardOf& shard_o
   ETUDE_RETURN_IF_ERROR(internal::CopyDescription(shards.front().path, to));
   ETUDE_RETURN_IF_ERROR(internal::CopyAttempts(attempted, to));
   ETUDE_RETURN_IF_ERROR(internal::CopyFilterKeys(committed, to));
-  ETUDE_RETURN_IF_ERROR(CopyCommits(shards, to));
+  ETUDE_RETURN_IF_ERROR(internal::CopyCommits(committed, to));
   ETUDE_RETURN_IF_ERROR(LinkEpisodes(shards, shard_of.size(), to, progress));
   // as a collector that goes on does: statistics and master file come from the journal, not from the episodes
   ETUDE_ASSIGN_OR_RETURN(auto writer, DatasetWriter::Open(to, spec));

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// dataset.hdf5: one file that links to all episodes, with robomimic's filter keys. Internal to services/store.
 #pragma once
 
 #include <map>

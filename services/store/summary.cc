@@ -8,6 +8,7 @@
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/store/attempts.h"
 
 namespace etude::store::internal {

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "services/core/cores.h"
+#include "services/core/free_name.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/core/without_throwing.h"
@@ -104,10 +105,9 @@ Status MoveAcross(const Path& file, const Path& to) {
 Status MoveToQuarantine(const Path& dataset, const Path& file) {
   const Path folder = dataset / internal::kQuarantine;
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
-  Path to = folder / file.filename();
+  const std::string name = file.filename().string();
+  const Path to = FirstFree([&](int n) { return folder / (n == 0 ? name : fmt::format("{}.{}", name, n)); }, 0);
   std::error_code error;
-  for (int n = 1; std::filesystem::exists(to, error); ++n)
-    to = folder / fmt::format("{}.{}", file.filename().string(), n);
   std::filesystem::rename(file, to, error);
   if (error == std::errc::cross_device_link)
     ETUDE_RETURN_IF_ERROR(MoveAcross(file, to));

@@ -143,7 +143,8 @@ class Drawing {
 
   void DrawArrows(const ModuleConfig& module) {
     std::set<std::string> attended;
-    for (const auto& item : module.attend) attended.insert(item.substr(0, item.find('@')));
+    if (module.attend_weight > 0)
+      for (const auto& item : module.attend) attended.insert(item.substr(0, item.find('@')));
     for (const auto& part : policy::ReadParts(metadata_.policy, module))
       if (!attended.contains(part) && part != module.query)
         DrawArrow(part, module.name, "stroke=\"#c4c4c4\" stroke-width=\"1\"");

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
 
 #include "trainer/policy/names.h"
 #include "trainer/policy/parts.h"
@@ -50,6 +49,19 @@ Status CheckTrained(const Metadata& metadata) {
   if (why.empty()) return {};
   return Fail(Code::kUnavailable, fmt::format("the policy of run '{}', step {}, may not drive a robot yet: {}",
                                               metadata.run, metadata.step, why));
+}
+
+std::set<std::string> NotBegun(const policy::PolicyConfig& config, const std::map<std::string, ModuleRecord>& records) {
+  const auto counts = [](const auto& item) { return item.second.trained_steps > 0; };
+  if (std::ranges::none_of(records, counts)) return {};
+  std::set<std::string> names;
+  for (const ModuleConfig& module : config.modules) {
+    if (!policy::HasLoss(module)) continue;
+    const auto record = records.find(module.name);
+    if (record == records.end() || (record->second.trained_steps == 0 && !record->second.error))
+      names.insert(module.name);
+  }
+  return names;
 }
 
 }  // namespace etude::checkpoint

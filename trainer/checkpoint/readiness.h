@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nothing untrained at the controls: which modules an answer depends on, and whether each was trained and measured.
+// Nothing untrained at the controls: which modules an answer depends on, whether each was trained and measured, and
+// which have not begun to learn.
 #pragma once
 
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -20,5 +23,10 @@ std::string WhyUntrained(const Metadata& metadata);
 
 /// @error kUnavailable with WhyUntrained, run and step.
 Status CheckTrained(const Metadata& metadata);
+
+/// Of the modules of `config` that have a loss of their own, of which alone steps are counted, those that were
+/// neither trained nor measured; only what is in training is measured. None where `records` count no steps at all, as
+/// those of before do.
+std::set<std::string> NotBegun(const policy::PolicyConfig& config, const std::map<std::string, ModuleRecord>& records);
 
 }  // namespace etude::checkpoint

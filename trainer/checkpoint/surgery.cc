@@ -8,6 +8,7 @@
 #include <iterator>
 #include <utility>
 
+#include "trainer/checkpoint/readiness.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/decoder.h"
 #include "trainer/policy/names.h"
@@ -28,11 +29,6 @@ bool Contains(const Range& range, const std::string& name) {
   return std::ranges::find(range, name) != range.end();
 }
 
-const ModuleConfig* FindModule(const PolicyConfig& config, const std::string& name) {
-  const auto found = std::ranges::find(config.modules, name, &ModuleConfig::name);
-  return found == config.modules.end() ? nullptr : &*found;
-}
-
 /// Reports where two JSON values of a part differ.
 void Compare(const std::string& key, const OrderedJson& there, const OrderedJson& here, Names& problems) {
   if (there != here) problems.push_back(fmt::format("{} is {} there, {} here", key, there.dump(), here.dump()));
@@ -49,8 +45,12 @@ constexpr std::initializer_list<const char*> kImageKeys{"layers", "position", "p
 Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, const std::string& part) {
   Names problems;
   const OrderedJson all_there = ToJson(there), all_here = ToJson(here);
-  CompareKeys(all_there, all_here, {"width", "heads", "attention", "activation"}, problems);
-  const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
+  CompareKeys(all_there, all_here, {"width", "attention"}, problems);
+  // no encoder has heads, and that of pictures no activation but its own
+  const bool encodes = part == "image" || part == "language" || part == "joints";
+  if (!encodes) CompareKeys(all_there, all_here, {"heads"}, problems);
+  if (part != "image") CompareKeys(all_there, all_here, {"activation"}, problems);
+  const ModuleConfig *a = policy::FindModule(there, part), *b = policy::FindModule(here, part);
   if (part == "image" || (b && b->own_image))
     CompareKeys(all_there.at("image"), all_here.at("image"), kImageKeys, problems);
   if (part == "language")
@@ -75,7 +75,7 @@ Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, 
 
 // What a module attends to that no tensor is named after, so that names alone do not tell when it comes or goes.
 Names UnnamedReads(const PolicyConfig& config, const std::string& part) {
-  const ModuleConfig* module = FindModule(config, part);
+  const ModuleConfig* module = policy::FindModule(config, part);
   if (!module) return {};
   Names reads = policy::ResolveReads(config, *module);
   if (config.attention != "shared") std::erase_if(reads, [](const std::string& key) { return key != "image"; });
@@ -214,16 +214,11 @@ class Surgeon {
     }
   }
 
-  // Steps are counted of what has a loss of its own. Older checkpoints count none at all.
   void FindUntrained() {
-    const auto& records = source_.metadata.modules;
-    if (std::ranges::none_of(records, [](const auto& record) { return record.second.trained_steps > 0; })) return;
-    for (const ModuleConfig& module : config_.modules) {
-      const bool has_loss = !module.decoder.quantity.empty() || policy::IsToldWhereToLook(module);
-      if (!surgery_.copied.contains(module.name) || !has_loss) continue;
-      const auto record = records.find(module.name);
-      if (record == records.end() || record->second.trained_steps == 0) surgery_.untrained.insert(module.name);
-    }
+    auto records = source_.metadata.modules;
+    for (auto& [module, record] : records) record.error.reset();  // measured is not learned
+    for (const auto& module : NotBegun(config_, records))
+      if (surgery_.copied.contains(module)) surgery_.untrained.insert(module);
   }
 
   void CheckFrozen() {
@@ -300,7 +295,8 @@ class Surgeon {
     if (there != here)
       problems.push_back(fmt::format("its decoder's first layer {} its inputs to its outputs, being as wide",
                                      there ? "adds there and not here" : "adds here and not there"));
-    const ModuleConfig *before = FindModule(source_.metadata.policy, part), *now = FindModule(config_, part);
+    const ModuleConfig *before = policy::FindModule(source_.metadata.policy, part),
+                       *now = policy::FindModule(config_, part);
     if (there && here && before && now && before->decoder.inputs != now->decoder.inputs)
       problems.push_back(
           fmt::format("decoder.inputs are [{}] there and [{}] here, and are added to what is made of them",
@@ -319,7 +315,7 @@ class Surgeon {
 
   void FindMoved() {
     for (const auto& part : plan_.freeze)
-      if (const ModuleConfig* module = FindModule(config_, part))
+      if (const ModuleConfig* module = policy::FindModule(config_, part))
         for (const auto& read : policy::ReadParts(config_, *module))
           if (!Contains(plan_.freeze, read)) surgery_.moved[part].push_back(read);
   }

@@ -246,6 +246,19 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
   return {};
 }
 
+Status MakeReadable(const BatchMaker& maker, const Snapshot& snapshot, std::uint64_t step, Augment augment,
+                    std::vector<Sample>& samples, FrameScratch& scratch, Batch& batch,
+                    const std::function<void(const Error&)>& unreadable) {
+  while (true) {
+    std::size_t bad = 0;
+    Status made = maker.Make(snapshot, samples, step, augment, scratch, batch, &bad);
+    if (made || samples.empty() || made.error().code == Code::kInvalidArgument) return made;
+    if (unreadable) unreadable(made.error());
+    samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(bad));
+    if (samples.empty()) return made;
+  }
+}
+
 void KeepDemonstrated(Batch& batch) {
   const auto B = static_cast<std::size_t>(batch.size), S = static_cast<std::size_t>(batch.sentences_each);
   if (S == 1) return;

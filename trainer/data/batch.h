@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -136,5 +137,12 @@ class BatchMaker {
   std::shared_ptr<const language::Grammar> grammar_;
   std::unique_ptr<FrameCache> cache_;
 };
+
+/// Makes the batch of those of `samples` that can be read, which are all that is left of them: a file that went away
+/// ends no training. @param unreadable  is told why, once for each
+/// @error of the last one where none is left; kInvalidArgument: of BatchMaker::Make, and some are left
+Status MakeReadable(const BatchMaker& maker, const Snapshot& snapshot, std::uint64_t step, Augment augment,
+                    std::vector<Sample>& samples, FrameScratch& scratch, Batch& batch,
+                    const std::function<void(const Error&)>& unreadable = nullptr);
 
 }  // namespace etude::data

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "services/core/check.h"
 #include "services/spec/object_names.h"
 
 namespace etude::data {

@@ -111,6 +111,7 @@ class Resolver {
                     fmt::format("add '{}': '{}' has no module \"{}\" to give more to, and without a level it makes "
                                 "none{}",
                                 name, own, word, Suggestion(word, there)));
+      if (makes) there.push_back(word);
     }
     return {};
   }

@@ -236,21 +236,6 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   return metrics;
 }
 
-namespace {}  // namespace
-
-Status MakeReadable(const data::BatchMaker& maker, const data::Snapshot& snapshot, std::uint64_t step,
-                    data::Augment augment, std::vector<data::Sample>& samples, data::FrameScratch& scratch,
-                    data::Batch& batch, const std::function<void(const Error&)>& unreadable) {
-  while (true) {
-    std::size_t bad = 0;
-    Status made = maker.Make(snapshot, samples, step, augment, scratch, batch, &bad);
-    if (made || samples.empty() || made.error().code == Code::kInvalidArgument) return made;
-    if (unreadable) unreadable(made.error());
-    samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(bad));
-    if (samples.empty()) return made;
-  }
-}
-
 Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit) {
   const auto& samples = set.samples;
   if (samples.empty()) return Fail(Code::kNotFound, "evaluate: the validation split has no frames");
@@ -268,7 +253,7 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
     const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(set.batch));
     std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
                                     samples.begin() + static_cast<std::ptrdiff_t>(end));
-    status = MakeReadable(set.maker, set.snapshot, 0, data::Augment::kNo, chunk, scratch, arrays, left_out);
+    status = data::MakeReadable(set.maker, set.snapshot, 0, data::Augment::kNo, chunk, scratch, arrays, left_out);
     if (chunk.empty()) status = {};  // none of them is validated on
     if (!status) break;
     if (chunk.empty()) continue;

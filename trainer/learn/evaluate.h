@@ -37,13 +37,6 @@ struct ValidationSet {
 using BatchVisitor =
     std::function<void(const std::vector<data::Sample>& samples, const Part& part, const policy::Outputs& outputs)>;
 
-/// Makes the batch of those of `samples` that can be read, which are all that is left of them: a file that went away
-/// ends no training. @param unreadable  is told why, once for each
-/// @error of the last one where none is left; kInvalidArgument: of BatchMaker::Make, and some are left
-Status MakeReadable(const data::BatchMaker& maker, const data::Snapshot& snapshot, std::uint64_t step,
-                    data::Augment augment, std::vector<data::Sample>& samples, data::FrameScratch& scratch,
-                    data::Batch& batch, const std::function<void(const Error&)>& unreadable = nullptr);
-
 /// Batch after batch without augmentation, in evaluation mode; the policy is back in training mode afterwards.
 /// @error of reading frames; kNotFound when there are no samples.
 Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit);

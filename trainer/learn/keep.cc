@@ -13,7 +13,8 @@
 #include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
-#include "trainer/learn/evaluate.h"
+#include "trainer/data/batch.h"
+#include "trainer/learn/build_data.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
@@ -183,7 +184,8 @@ void AveragedWeights::Measure() {
     const std::uint64_t number = run_.step * kStatisticBatches + static_cast<std::uint64_t>(i);
     const auto& drawn = run_.config.data;
     auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, drawn.batch, 0, drawn.rest);
-    if (const Status made = MakeReadable(*run_.maker, *snapshot, number, data::Augment::kYes, samples, scratch, batch);
+    if (const Status made =
+            data::MakeReadable(*run_.maker, *snapshot, number, data::Augment::kYes, samples, scratch, batch);
         !made) {
       Log().warn("statistics of averaged weights: a batch is left out: {}", made.error().message);
       continue;

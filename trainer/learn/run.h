@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run while it lives: what build.cc makes, trainer.cc moves on and keep.cc writes down.
+// One run while it lives: what build.cc makes (of the data: build_data.h; of what it begins with: begin.h), trainer.cc
+// moves on and keep.cc writes down.
 #pragma once
 
 #include <limits>
@@ -53,12 +54,6 @@ struct TrainingRun {
   double Elapsed() const { return elapsed_before + watch.Seconds() - waited; }
   double Progress() const { return limit.Progress(step, Elapsed()); }
 };
-
-/// What sentences call the dataset's objects (ObjectNoun), each once, in their order.
-std::vector<std::string> NounsOf(const data::Dataset& dataset);
-
-/// RunState::datasets of `dataset`.
-std::vector<std::string> DatasetsOf(const data::Dataset& dataset);
 
 /// A run from the start, or from `options.out`'s state. Waits for data when it is followed.
 /// @error as Trainer::Create.

@@ -11,6 +11,7 @@
 #include "services/core/rng.h"
 #include "services/core/stop.h"
 #include "trainer/learn/await_data.h"
+#include "trainer/learn/build_data.h"
 #include "trainer/learn/error_cells.h"
 #include "trainer/learn/keep.h"
 #include "trainer/learn/report.h"

@@ -189,6 +189,8 @@ class GraphChecker {
     if (!module.query.empty()) CheckEarlier(module, "query", module.query);
     const Errors reads = CheckReads(module);
     for (const std::string& item : module.attend) CheckAttend(module, item, reads);
+    if (std::set<std::string>(module.attend.begin(), module.attend.end()).size() != module.attend.size())
+      Report(module, "attend: a key stands twice");
     if (!(module.attend_weight >= 0)) Report(module, "attend_weight: must be >= 0");
     CheckDecoder(module);
   }

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "services/core/check.h"
-
 namespace etude::policy {
 namespace {
 

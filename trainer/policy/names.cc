@@ -9,6 +9,11 @@ bool IsReservedName(const std::string& name) {
   return name == "image" || name == "language" || name == "joints" || name == "self" || name == "all";
 }
 
+const ModuleConfig* FindModule(const PolicyConfig& config, const std::string& name) {
+  const auto found = std::ranges::find(config.modules, name, &ModuleConfig::name);
+  return found == config.modules.end() ? nullptr : &*found;
+}
+
 std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config) {
   std::vector<const ModuleConfig*> order;
   for (const ModuleConfig& module : config.modules) order.push_back(&module);
@@ -70,6 +75,8 @@ bool IsToldWhereToLook(const ModuleConfig& module) {
   return module.attend_weight > 0 && std::any_of(module.attend.begin(), module.attend.end(),
                                                  [](const auto& item) { return !AttendedEntity(item).empty(); });
 }
+
+bool HasLoss(const ModuleConfig& module) { return !module.decoder.quantity.empty() || IsToldWhereToLook(module); }
 
 std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config) {
   std::vector<data::LabelColumn> columns;

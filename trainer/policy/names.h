@@ -22,6 +22,9 @@ DecoderInput ParseDecoderInput(const std::string& text);
 /// image, language, joints, self, all: no module may be called so.
 bool IsReservedName(const std::string& name);
 
+/// nullptr: none is called so. A pointer into `config`.
+const ModuleConfig* FindModule(const PolicyConfig& config, const std::string& name);
+
 /// By level, then as listed. Pointers into `config`.
 std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config);
 
@@ -51,6 +54,8 @@ int FeatureWidth(const PolicyConfig& config, const DecoderInput& input, int join
 std::string AttendedEntity(const std::string& attend);
 /// Whether a module learns where in the picture to look, whatever it decodes.
 bool IsToldWhereToLook(const ModuleConfig& module);
+/// Whether training asks anything of it itself.
+bool HasLoss(const ModuleConfig& module);
 
 /// The labels that the modules are trained on, each once. Rules live as long as the program.
 std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config);

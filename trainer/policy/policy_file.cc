@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 
 #include "services/core/share.h"
 #include "trainer/policy/compose.h"
@@ -32,6 +33,34 @@ std::vector<std::string> NamesIn(const Path& folder) {
   return names;
 }
 
+OrderedJson ModulesOf(const OrderedJson& map) {
+  const bool has = map.is_object() && map.contains("modules") && map["modules"].is_array();
+  return has ? map["modules"] : OrderedJson::array();
+}
+
+std::string NameOf(const OrderedJson& module) {
+  const bool named = module.is_object() && module.contains("name") && module["name"].is_string();
+  return named ? module["name"].get<std::string>() : "";
+}
+
+// A name that is misspelt would make one module more, which says nothing; two entries of a name would be one module.
+Status CheckEntries(const OrderedJson& base, const OrderedJson& json, const Path& path) {
+  std::vector<std::string> there;
+  for (const auto& module : ModulesOf(base)) there.push_back(NameOf(module));
+  std::set<std::string> seen;
+  for (const auto& entry : ModulesOf(json)) {
+    const std::string name = NameOf(entry);
+    if (name.empty()) continue;  // whoever reads the graph says what is wrong
+    if (!seen.insert(name).second)
+      return Fail(Code::kInvalidArgument, fmt::format("{}: modules: '{}' stands twice", path.string(), name));
+    if (!entry.contains("level") && std::ranges::find(there, name) == there.end())
+      return Fail(Code::kInvalidArgument, fmt::format("{}: what it extends has no module '{}' to give more to, and "
+                                                      "without a level it makes none{}",
+                                                      path.string(), name, Suggestion(name, there)));
+  }
+  return {};
+}
+
 Result<OrderedJson> ReadExtended(const std::string& name, const std::vector<Path>& folders, int depth) {
   if (depth > kMostExtensions)
     return Fail(Code::kInvalidArgument,
@@ -45,6 +74,7 @@ Result<OrderedJson> ReadExtended(const std::string& name, const std::vector<Path
   nearest.insert(nearest.end(), folders.begin(), folders.end());
   ETUDE_ASSIGN_OR_RETURN(const auto base, ReadExtended(json["extends"].get<std::string>(), nearest, depth + 1));
   json.erase("extends");
+  ETUDE_RETURN_IF_ERROR(CheckEntries(base, json, path));
   return Compose(base, json);
 }
 
@@ -76,12 +106,14 @@ Result<Path> FindExperiments() {
 Result<Path> FindNamedFile(const std::string& name_or_file, const std::vector<Path>& folders, const std::string& what) {
   std::error_code ignored;
   if (fs::is_regular_file(name_or_file, ignored)) return Path(name_or_file);
-  std::vector<std::string> known;
   for (const auto& folder : folders) {
     const Path path = folder / (name_or_file + ".yaml");
     if (fs::is_regular_file(path, ignored)) return path;
-    for (auto& name : NamesIn(folder)) known.push_back(std::move(name));
   }
+  // only to say so: a user's folder may have datasets in it
+  std::vector<std::string> known;
+  for (const auto& folder : folders)
+    for (auto& name : NamesIn(folder)) known.push_back(std::move(name));
   const std::string nearest = NearestMatch(name_or_file, known);
   return Fail(Code::kInvalidArgument, fmt::format("{} '{}': neither a file nor a name{}; names: {}", what, name_or_file,
                                                   nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest),

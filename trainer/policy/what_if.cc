@@ -23,11 +23,6 @@ constexpr float kCertain = 20;     // logit of the name that is said, others 0
 
 tl::unexpected<Error> Refuse(const std::string& why) { return Fail(Code::kInvalidArgument, "what if: " + why); }
 
-const ModuleConfig* FindModule(const PolicyConfig& config, const std::string& name) {
-  const auto found = std::ranges::find(config.modules, name, &ModuleConfig::name);
-  return found == config.modules.end() ? nullptr : &*found;
-}
-
 bool AllNumbers(const OrderedJson& list) {
   return list.is_array() && std::ranges::all_of(list, [](const OrderedJson& x) {
            return x.is_number() && std::isfinite(x.get<double>());

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <regex>
 
+#include "services/core/free_name.h"
 #include "services/core/hash.h"
 #include "services/core/link.h"
 #include "services/core/log.h"
@@ -52,15 +53,18 @@ std::uint64_t NextStart(const Path& run_folder) {
   return std::max(StartsIn(StartsFile(run_folder)), StartsIn(before)) + 1;
 }
 
-Status SetCheckpointsAside(const Path& run_folder) {
+Status SetCheckpointsAside(const Path& run_folder, const Path& from) {
   const Path folder = run_folder / "checkpoints";
   std::error_code error;
+  if (!from.empty() && fs::weakly_canonical(from, error).parent_path() == fs::weakly_canonical(folder, error))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("init.from '{}' lies in the folder of checkpoints that the run in '{}' would write: give "
+                            "another --out",
+                            from.string(), run_folder.string()));
   bool any = false;
   for (const auto& item : fs::directory_iterator(folder, error)) any |= item.path().extension() == ".safetensors";
   if (!any) return {};
-  Path aside;
-  for (int i = 1; aside.empty() || fs::exists(aside, error); ++i)
-    aside = fmt::format("{}.before-{}", folder.string(), i);
+  const Path aside = FirstFree([&](int i) -> Path { return fmt::format("{}.before-{}", folder.string(), i); });
   fs::rename(folder, aside, error);
   if (error)
     return Fail(Code::kUnavailable,

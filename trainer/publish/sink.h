@@ -25,8 +25,10 @@ struct RunIdentity {
 std::uint64_t NextStart(const Path& run_folder);
 
 /// Before a run begins in a folder that has checkpoints of another one, whose state is gone: renames their folder to
-/// checkpoints.before-1 (or -2, ...), with a warning. @error kUnavailable of the disk
-Status SetCheckpointsAside(const Path& run_folder);
+/// checkpoints.before-1 (or -2, ...), with a warning.
+/// @param from  the checkpoint that the run begins with; "": none
+/// @error kInvalidArgument: that is one of them; kUnavailable of the disk
+Status SetCheckpointsAside(const Path& run_folder, const Path& from = {});
 
 /// A checkpoint as it lies in the run's folder.
 struct Kept {

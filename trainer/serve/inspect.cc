@@ -65,8 +65,13 @@ std::string WorthText(const policy::Worth& worth) {
 Status Model::InspectInto(const bus::Observation& observation, const std::string& what_if_json,
                           bus::Insight& insight) const {
   ETUDE_ASSIGN_OR_RETURN(const auto what_if, policy::ParseWhatIf(what_if_json, metadata_.policy));
-  ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(what_if.sentence));
-  for (const auto& [module, sentence] : what_if.think) ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(sentence));
+  const auto check = [&](const std::string& sentence) -> Status {
+    if (const Status readable = policy_->CheckSentence(sentence); !readable)
+      return Fail(readable.error().Wrap("what if"));
+    return {};
+  };
+  ETUDE_RETURN_IF_ERROR(check(what_if.sentence));
+  for (const auto& [module, sentence] : what_if.think) ETUDE_RETURN_IF_ERROR(check(sentence));
   ETUDE_ASSIGN_OR_RETURN(auto inputs, Prepare(observation));
   const torch::NoGradGuard no_grad;
   const auto outputs = policy_->Forward(inputs);

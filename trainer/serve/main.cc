@@ -107,7 +107,9 @@ Status Serve(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = std::filesystem::absolute(arguments.checkpoint).string();
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(RolesOf(arguments)));
+  bus::ParticipantConfig config = arguments.bus.Config(RolesOf(arguments));
+  config.joins_another = arguments.robots.domain.has_value();
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open(config));
   ETUDE_ASSIGN_OR_RETURN(const auto robots, JoinRobotDomain(arguments.robots, arguments.bus.profile));
   if (robots) options.robots = &*robots;
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));

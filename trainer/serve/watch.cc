@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "services/core/log.h"
@@ -88,6 +89,10 @@ Result<std::string> WhatIfOf(const WatchOptions& options) {
   return what_if.empty() ? std::string() : JsonText(what_if);
 }
 
+bool EndsTheWatch(const bus::Insight& insight, const WatchOptions& options) {
+  return !options.session.empty() || insight.error.starts_with("what if: ");
+}
+
 Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   bus::InsightWish wish;
   ETUDE_ASSIGN_OR_RETURN(wish.what_if_json, WhatIfOf(options));
@@ -96,13 +101,19 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto stream, policy::InsightStream::Open(participant, options.run, std::move(wish)));
   ServerLog log(options.run);
   const auto wanted = [&](std::uint64_t seen) { return options.count == 0 || seen < options.count; };
+  std::set<std::string> refused;
   // an error of stdout: nobody reads on
   for (std::uint64_t seen = 0; !StopRequested() && wanted(seen) && std::ferror(stdout) == 0; WaitForStop(kLook)) {
     ETUDE_ASSIGN_OR_RETURN(const auto insights, stream.Take());
     log.Note(stream.server());
     for (const auto& insight : insights) {
       if (!wanted(seen)) break;
-      if (!insight.error.empty()) return Fail(Code::kInvalidArgument, Printable(insight.error));
+      if (!insight.error.empty()) {
+        if (EndsTheWatch(insight, options)) return Fail(Code::kInvalidArgument, Printable(insight.error));
+        if (refused.insert(insight.session).second)
+          Log().warn("session {}: {}", Printable(insight.session), Printable(insight.error));
+        continue;
+      }
       Print(insight, options.as_json);
       ++seen;
     }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "services/bus/messages.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
 
@@ -26,9 +27,13 @@ struct WatchOptions {
 /// The wish's what-if text. @error kInvalidArgument: an option that cannot be read
 Result<std::string> WhatIfOf(const WatchOptions& options);
 
+/// Whether an insight that is an error is one of the wish, or of the only session that is watched; else another robot's
+/// observation is one that this policy does not answer.
+bool EndsTheWatch(const bus::Insight& insight, const WatchOptions& options);
+
 /// Until a stop request, `count` or an error of stdout. A server that goes is waited for, and another one that the name
 /// means by then is looked into.
-/// @error kInvalidArgument: the name means several servers; an insight that is an error
+/// @error kInvalidArgument: the name means several servers; one that EndsTheWatch
 Status Watch(const bus::Participant& participant, const WatchOptions& options);
 
 }  // namespace etude::serve

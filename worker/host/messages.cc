@@ -43,18 +43,24 @@ Pose AnsweredPoseOf(OrderedJson json) {
 }  // namespace
 
 OrderedJson CampaignHead(const campaign::JoinedCampaign& joined) {
-  return {
-      {"id", joined.id}, {"spec", ToJson(joined.spec)}, {"policy", joined.policy}, {"spec_sha256", joined.spec_sha256}};
+  return {{"id", joined.id},
+          {"spec", ToJson(joined.spec)},
+          {"policy", joined.policy},
+          {"spec_sha256", joined.spec_sha256},
+          {"fingerprint", campaign::FingerprintText(joined.fingerprint)}};
 }
 
 Result<campaign::JoinedCampaign> CampaignOf(const OrderedJson& head) {
   campaign::JoinedCampaign joined;
+  std::string fingerprint;
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson spec, Checked("a campaign", [&] {
                            joined.id = head.at("id").get<std::string>();
                            joined.policy = head.at("policy").get<std::string>();
                            joined.spec_sha256 = head.at("spec_sha256").get<std::string>();
+                           fingerprint = head.value("fingerprint", "{}");  // an older host says none
                            return head.at("spec");
                          }));
+  ETUDE_ASSIGN_OR_RETURN(joined.fingerprint, campaign::ParseFingerprint(fingerprint));
   ETUDE_ASSIGN_OR_RETURN(joined.spec, FromJson<CampaignSpec>(spec, "a host's campaign"));
   return joined;
 }

@@ -14,6 +14,7 @@
 #include "services/core/file.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/spec/attempt_outcome.h"
 #include "worker/host/messages.h"
 
 namespace etude::host {
@@ -24,6 +25,7 @@ using namespace std::chrono_literals;
 constexpr std::size_t kMostWords = 2000;
 constexpr int kMostReads = 64;  // at once: a child that never stops talking does not keep its host
 constexpr auto kLook = 50ms;
+constexpr auto kStoodStill = 5s;  // between two looks: this process, or its machine, was stopped
 constexpr auto kStopPatience = 500ms;
 
 // How far a child says it is. What is no such thing is no progress.
@@ -81,15 +83,15 @@ void Slot::ReadWords() {
 // Ends the child that is no use any more; `why` where it did not end by itself.
 Slot::Loss Slot::End(const char* reason, const std::string& why) {
   // what crashed closes its socket a moment before it has ended
-  auto exit_code = process_->Wait(reason == std::string_view(campaign::kChildHung) ? 0ms : 1000ms);
+  auto exit_code = process_->Wait(reason == std::string_view(kChildHung) ? 0ms : 1000ms);
   const bool by_itself = exit_code.has_value();
   if (!by_itself) {
     process_->Signal(SIGKILL);
     exit_code = process_->Wait(5s);
   }
   ReadWords();
-  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? campaign::HowItEnded(*exit_code) : why,
-            by_itself ? campaign::Crashed(*exit_code) : reason == std::string_view(campaign::kChildHung)};
+  Loss loss{by_itself ? kChildCrashed : reason, by_itself ? campaign::HowItEnded(*exit_code) : why,
+            by_itself ? campaign::Crashed(*exit_code) : reason == std::string_view(kChildHung)};
   process_.reset();
   Forget();
   return loss;
@@ -98,7 +100,7 @@ Slot::Loss Slot::End(const char* reason, const std::string& why) {
 // Until a frame of the wanted kind, or a failure, is in `answer`; or the child is lost.
 std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem* item, const policy::AskFunction& ask,
                                       Result<Frame>& answer) {
-  auto moved = MonotonicClock::now();
+  auto moved = MonotonicClock::now(), looked = moved;
   std::optional<std::pair<std::string, std::uint32_t>> reached;
   bool spoke = false;  // since it moved
   // a campaign may be more patient than a host. Nine tenths, so that the host's word, which says why, comes before the
@@ -107,9 +109,8 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
   const auto stall = std::max(options_.stall, patience);
   const auto hung = [&]() -> std::optional<Loss> {
     if (MonotonicClock::now() - moved < stall) return std::nullopt;
-    return End(campaign::kChildHung,
-               fmt::format("SIGKILL after {:g} s without {}", static_cast<double>(stall.count()) / 1000,
-                           spoke ? "progress" : "a word"));
+    return End(kChildHung, fmt::format("SIGKILL after {:g} s without {}", static_cast<double>(stall.count()) / 1000,
+                                       spoke ? "progress" : "a word"));
   };
   while (true) {
     if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on
@@ -120,14 +121,17 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
     }
     auto frame = channel_->Receive(std::chrono::duration_cast<std::chrono::milliseconds>(kLook));
     ReadWords();
-    if (!frame) return End(campaign::kChildCrashed, frame.error().message);
+    // a host that was stopped, with its child or without: that time says nothing of the child
+    const auto now = MonotonicClock::now();
+    if (now - looked > kStoodStill) moved += now - looked;
+    looked = now;
+    if (!frame) return End(kChildCrashed, frame.error().message);
     if (!*frame) {
       if (auto loss = hung()) return loss;
       continue;
     }
     if ((*frame)->kind == FrameKind::kQuestion && item && ask) {
-      if (const Status replied = Reply(**frame, ask); !replied)
-        return End(campaign::kChildCrashed, replied.error().message);
+      if (const Status replied = Reply(**frame, ask); !replied) return End(kChildCrashed, replied.error().message);
     } else if ((*frame)->kind == FrameKind::kProgress && item) {
       // one that says the same again and again lives, and does not move
       auto said = ProgressOf((*frame)->head);
@@ -142,10 +146,10 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
       answer = std::move(**frame);
       return std::nullopt;
     } else {
-      return End(campaign::kChildCrashed,
+      return End(kChildCrashed,
                  fmt::format("it said something out of turn (frame kind {})", static_cast<int>((*frame)->kind)));
     }
-    moved = MonotonicClock::now();  // after an answer of the policy's, however long it took
+    moved = looked = MonotonicClock::now();  // after an answer of the policy's, however long it took
     spoke = false;
   }
 }
@@ -174,15 +178,15 @@ Status Slot::Begin(const campaign::JoinedCampaign& joined) {
       if (const Status started = Start(); !started) {  // no memory, no process, no descriptor: it may pass
         Forget();
         if (started.error().code != Code::kUnavailable) return started;
-        ETUDE_RETURN_IF_ERROR(CountDeath({campaign::kChildCrashed, started.error().message}));
+        ETUDE_RETURN_IF_ERROR(CountDeath({kChildCrashed, started.error().message}));
         if (WaitForStop(2s)) return {};
         continue;
       }
     }
     Result<Frame> answer = Fail(Code::kInternal, "");
     const Status sent = channel_->Send(FrameKind::kCampaign, CampaignHead(*joined_));
-    const auto loss = sent ? Await(FrameKind::kReady, nullptr, {}, answer)
-                           : std::optional(End(campaign::kChildCrashed, sent.error().message));
+    const auto loss =
+        sent ? Await(FrameKind::kReady, nullptr, {}, answer) : std::optional(End(kChildCrashed, sent.error().message));
     if (loss) {
       ETUDE_RETURN_IF_ERROR(CountDeath(*loss));
       if (WaitForStop(200ms)) return {};
@@ -196,9 +200,9 @@ Status Slot::Begin(const campaign::JoinedCampaign& joined) {
 
 Result<campaign::WorkResult> Slot::Release(const Loss& loss) {
   ETUDE_RETURN_IF_ERROR(CountDeath(loss));
-  campaign::WorkResult result{.outcome = campaign::kReleased};
+  campaign::WorkResult result{.outcome = kReleased};
   result.details_json = JsonText(OrderedJson{{"reason", loss.reason},
-                                             {campaign::kByAttempt, loss.by_attempt},
+                                             {kByAttempt, loss.by_attempt},
                                              {"ended_by", loss.ended_by},
                                              {"last_words", last_words_}});
   return result;
@@ -206,16 +210,16 @@ Result<campaign::WorkResult> Slot::Release(const Loss& loss) {
 
 Result<campaign::WorkResult> Slot::Do(const campaign::WorkItem& item, const policy::AskFunction& ask) {
   if (!process_) ETUDE_RETURN_IF_ERROR(Begin(*joined_));
-  if (!process_) return campaign::WorkResult{.outcome = campaign::kReleased};  // a stop
+  if (!process_) return campaign::WorkResult{.outcome = kReleased};  // a stop
   Result<Frame> answer = Fail(Code::kInternal, "");
   const Status sent = channel_->Send(FrameKind::kWork, WorkHead(item));
-  auto loss = sent ? Await(FrameKind::kResult, &item, ask, answer)
-                   : std::optional(End(campaign::kChildCrashed, sent.error().message));
+  auto loss =
+      sent ? Await(FrameKind::kResult, &item, ask, answer) : std::optional(End(kChildCrashed, sent.error().message));
   if (loss) return Release(*loss);
-  if (!answer) return campaign::WorkResult{.outcome = campaign::kReleased};  // a stop
+  if (!answer) return campaign::WorkResult{.outcome = kReleased};  // a stop
   if (answer->kind == FrameKind::kFailure) return Fail(ErrorOf(answer->head));
   auto result = ResultOf(std::move(*answer));
-  if (!result) return Release(End(campaign::kChildCrashed, result.error().message));
+  if (!result) return Release(End(kChildCrashed, result.error().message));
   *options_.deaths = 0;
   return result;
 }

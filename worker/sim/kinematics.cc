@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "services/core/check.h"
 #include "worker/sim/controller.h"
 #include "worker/sim/model.h"
 

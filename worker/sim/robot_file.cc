@@ -11,6 +11,7 @@
 #include "services/core/thread_annotations.h"
 #include "services/episode/pose.h"
 #include "worker/sim/robot_builder.h"
+#include "worker/sim/robot_masses.h"
 
 namespace etude::sim {
 namespace {
@@ -132,11 +133,11 @@ Result<std::vector<VisualMass>> WeighVisuals(const Path& yaml) {
   ETUDE_ASSIGN_OR_RETURN(const RobotFile file, ReadFile(yaml));
   ETUDE_ASSIGN_OR_RETURN(RobotXml arm, ReadArm(yaml, file));
   const std::string base = Attribute(*arm.root(), "name");
-  ETUDE_ASSIGN_OR_RETURN(std::vector<VisualMass> visuals, WeighVisuals(std::move(arm)));
+  ETUDE_ASSIGN_OR_RETURN(std::vector<VisualMass> visuals, VisualMassesOf(std::move(arm)));
   std::erase_if(visuals, [&](const VisualMass& visual) { return visual.body == base; });
   if (!file.gripper.mjcf.empty()) {
     ETUDE_ASSIGN_OR_RETURN(RobotXml hand, ReadHand(yaml, file));
-    ETUDE_ASSIGN_OR_RETURN(const std::vector<VisualMass> more, WeighVisuals(std::move(hand)));
+    ETUDE_ASSIGN_OR_RETURN(const std::vector<VisualMass> more, VisualMassesOf(std::move(hand)));
     visuals.insert(visuals.end(), more.begin(), more.end());
   }
   std::ranges::stable_sort(visuals, std::greater(), &VisualMass::mass);

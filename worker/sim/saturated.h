@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Vectors that are no longer than a limit.
 #pragma once
 
 #include <Eigen/Core>

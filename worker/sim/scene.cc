@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTableHalf = 2.0;       ///< m: beyond the arm's reach
+constexpr double kSlabHalf = 2.0;        ///< m: beyond the arm's reach
 constexpr double kTableThickness = 0.1;  ///< m
 constexpr double kStopMargin = 0.03;     ///< rad before a joint's stop where the controller holds against it
 
@@ -118,7 +118,7 @@ Geometry MakeGeometry(const mjModel* mj, int geom) {
   switch (mj->geom_type[geom]) {
     case mjGEOM_PLANE:  // the half space below, as a slab as large as anything can reach
       piece.shape = Geometry::Shape::kBox;
-      piece.size = Vector3d(kTableHalf, kTableHalf, kTableThickness / 2);
+      piece.size = Vector3d(kSlabHalf, kSlabHalf, kTableThickness / 2);
       piece.X_BG.p -= piece.X_BG.q * Vector3d(0, 0, kTableThickness / 2);
       break;
     case mjGEOM_BOX:

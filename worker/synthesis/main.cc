@@ -256,7 +256,7 @@ CLI::App* AddSynthesize(CLI::App& app, Arguments& arguments) {
       ->capture_default_str();
   command->add_option("--size", arguments.size_m, "largest extent, m; default: that of the class, 0.08 for --images")
       ->check(CLI::PositiveNumber);
-  command->add_option("--threads", arguments.threads, "the objects do not depend on how many")
+  command->add_option("--threads", arguments.threads, "the objects do not depend on how many (default: one a core)")
       ->check(CLI::Range(1, 256));
   command->add_option("--out", arguments.out, "folder; each object gets one in it")->capture_default_str();
   AddOverwrite(*command, arguments);

@@ -16,6 +16,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 
 #include "services/core/log.h"
 
@@ -129,6 +130,11 @@ Result<FileMesh> ReadMesh(const Path& path) {
     const double column = (mesh.mMaterialIndex + 0.5) / std::max(1u, scene->mNumMaterials);
     Append(mesh, result.picture.empty() ? std::optional(column) : std::nullopt, result.mesh);
   }
+  const std::span meshes(scene->mMeshes, scene->mNumMeshes);
+  if (result.picture.empty() &&
+      std::ranges::any_of(meshes, [](const aiMesh* mesh) { return mesh->HasVertexColors(0); }))
+    Log().warn("'{}': left out its vertices' colours: an object has one texture; its materials' colours are taken",
+               path.string());
   if (!result.picture.empty()) result.palette.clear();
   if (result.mesh.faces.empty())
     return Fail(Code::kCorrupt, fmt::format("read '{}': it has no faces of any area", path.string()));

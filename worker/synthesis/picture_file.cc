@@ -75,7 +75,8 @@ Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
 }
 
 Result<Texture> DecodePicture(const std::vector<std::uint8_t>& bytes, const std::string& origin) {
-  cv::Mat picture = Decoded(bytes, cv::IMREAD_COLOR);
+  // as it is stored: the texture coordinates know nothing of how a camera was held
+  cv::Mat picture = Decoded(bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("the texture of '{}' is not a picture", origin));
   cv::cvtColor(picture, picture, cv::COLOR_BGR2RGB);
   return Texture{picture.cols, picture.rows, {picture.data, picture.data + 3 * picture.total()}};

@@ -80,7 +80,14 @@ Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std:
   if (options.widest > 0) scale = std::min(scale, options.widest / (high - low).x());
   for (Vector3d& p : mesh.positions) p *= scale;
   // one that is wound inwards would be seen from inside, and weigh less than nothing
-  if (IsWatertight(mesh)) TurnOutward(mesh);
+  if (IsWatertight(mesh)) {
+    TurnOutward(mesh);
+  } else {  // a scan with holes: as a whole, seen from its middle, since what is missing counts from the origin
+    assets::Mesh centred = mesh;
+    Move(-scale * (low + high) / 2, centred);
+    if (Integrate(centred).mass < 0)
+      for (auto& face : mesh.faces) std::swap(face[1], face[2]);
+  }
   std::optional<Hole> placed = hole;
   if (placed) placed->centre *= scale;
 

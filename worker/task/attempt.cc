@@ -17,8 +17,8 @@
 #include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
 #include "worker/task/occluder.h"
+#include "worker/task/predicates/task_predicates.h"
 #include "worker/task/rollout.h"
-#include "worker/task/start_rule.h"
 
 namespace etude::task {
 namespace {
@@ -44,6 +44,13 @@ Status CheckTurns(const CampaignSpec& spec, const TaskName& task) {
 Status CheckNamedObjects(const CampaignSpec& spec, const TaskName& task) {
   const auto own = SceneNames(spec.objects);
   const bool all = spec.objects_per_scene == 0 || spec.objects_per_scene == static_cast<int>(spec.objects.size());
+  // the rule is asked before the ball is there: no start would ever be found
+  if (const auto& rule = task.spec->start.not_already; rule && task.avoid == "obstacle")
+    for (const std::string& object : NamedObjects(*rule, own))
+      if (object == kObstacleObject)
+        return Fail(Code::kInvalidArgument,
+                    fmt::format("task '{}': start.not_already speaks of the {}, which is placed after the objects",
+                                task.text(), object));
   for (const std::string& object : NamedObjects(*task.spec, own)) {
     if (object == kObstacleObject && task.avoid == "obstacle") continue;
     const bool listed = std::ranges::count(own, object) > 0;

@@ -4,15 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/task/smooth_step.h"
+
 namespace etude::task {
 namespace {
 
 constexpr double kRotationPerMetre = 5.0;  // rad per m: a push of 3 cm turns by up to 0.15 rad
 constexpr double kPushMargin = 0.008;      // m kept free while pushed
-
-// Smooth step 0 -> 1 with zero velocity at both ends, and its derivative.
-double Blend(double s) { return s * s * (3 - 2 * s); }
-double BlendRate(double s) { return 6 * s * (1 - s); }
 
 Eigen::Vector3d DrawInBall(double radius, Rng& rng) {
   for (;;) {
@@ -43,12 +41,12 @@ plan::Motion PushMotion(const plan::Motion& motion, int from, const Push& push) 
   plan::Motion pushed;
   for (int i = 1; i <= push.steps; ++i) {
     const double s = static_cast<double>(i) / push.steps;
-    const double rate = BlendRate(s) / push.steps * kControlRate;  // 1/s
+    const double rate = SmoothStepRate(s) / push.steps * kControlRate;  // 1/s
     // The path's own speed falls linearly to zero: it advances by s - s^2 / 2 of the push's steps.
     const double path_step = from + push.steps * (s - s * s / 2);
     Pose X_WE = motion.At(path_step);
-    X_WE.p += Blend(s) * push.offset;
-    X_WE.q = (FromRotationVector(Blend(s) * push.rotation) * X_WE.q).normalized();
+    X_WE.p += SmoothStep(s) * push.offset;
+    X_WE.q = (FromRotationVector(SmoothStep(s) * push.rotation) * X_WE.q).normalized();
     const int on_path = std::min(static_cast<int>(path_step), motion.steps() - 1);
     Eigen::Matrix<double, 6, 1> V_WE = (1 - s) * motion.V_WE[on_path];
     V_WE.head<3>() += rate * push.offset;

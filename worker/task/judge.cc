@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "services/core/check.h"
 #include "services/core/enum_name.h"
 #include "services/episode/action.h"
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// How an attempt may end, in words.
 #pragma once
 
 #include <array>

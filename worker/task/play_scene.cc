@@ -58,6 +58,12 @@ std::string ProblemOf(const sim::ObjectInfo& object, const ObjectPlace& at) {
 
 }  // namespace
 
+std::vector<std::string> NamesOf(const std::vector<sim::ObjectInfo>& objects) {
+  std::vector<std::string> names;
+  for (const auto& object : objects) names.push_back(object.name);
+  return names;
+}
+
 double YawOf(const Pose& X_WO) {
   const Eigen::Vector3d x = X_WO.q * Eigen::Vector3d::UnitX();
   return std::atan2(x.y(), x.x());
@@ -72,8 +78,6 @@ bool Overlap(const sim::ObjectInfo& a, const ObjectPlace& at_a, const sim::Objec
 
 Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo>& objects,
                                                const std::vector<ObjectPlace>& places) {
-  std::vector<std::string> names;
-  for (const auto& object : objects) names.push_back(object.name);
   std::vector<const sim::ObjectInfo*> placed;
   std::vector<PlacedObject> result;
   std::string problems;
@@ -81,7 +85,7 @@ Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo
   for (const auto& place : places) {
     const auto object = std::ranges::find(objects, place.name, &sim::ObjectInfo::name);
     if (object == objects.end())
-      return Fail(Code::kInvalidArgument, "place objects: " + NotKnown(place.name.substr(0, 40), names));
+      return Fail(Code::kInvalidArgument, "place objects: " + NotKnown(place.name.substr(0, 40), NamesOf(objects)));
     if (const std::string why = ProblemOf(*object, place); !why.empty()) refuse(why);
     for (std::size_t i = 0; i < placed.size(); ++i) {
       if (placed[i]->name == place.name)
@@ -97,8 +101,12 @@ Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo
   return result;
 }
 
-bool Names(const std::vector<ObjectPlace>& places, std::string_view object) {
+bool IsAmong(const std::vector<ObjectPlace>& places, std::string_view object) {
   return std::ranges::find(places, object, &ObjectPlace::name) != places.end();
+}
+
+Error InTheArm(const std::string& object, const std::string& body) {
+  return {Code::kInvalidArgument, fmt::format("{} would be where the arm is ({})", object, body)};
 }
 
 void SetObjects(sim::World& world, const std::vector<PlacedObject>& objects) {

@@ -20,6 +20,9 @@ inline constexpr double kTableHalf = 0.75;
 
 using play::ObjectPlace;
 
+/// Their names, in their order.
+std::vector<std::string> NamesOf(const std::vector<sim::ObjectInfo>& objects);
+
 /// The heading of an object: how far its x axis is turned about the vertical, rad.
 double YawOf(const Pose& X_WO);
 /// Where an object stands, apart from its height.
@@ -35,7 +38,10 @@ Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo
                                                const std::vector<ObjectPlace>& places);
 
 /// Whether one of `places` is that of the object.
-bool Names(const std::vector<ObjectPlace>& places, std::string_view object);
+bool IsAmong(const std::vector<ObjectPlace>& places, std::string_view object);
+
+/// Of an object that would be where `body` of the arm is.
+Error InTheArm(const std::string& object, const std::string& body);
 
 /// Objects as they are to stand, at rest there.
 void SetObjects(sim::World& world, const std::vector<PlacedObject>& objects);

@@ -145,6 +145,7 @@ class PlaySession {
   bool closed_ = false;               // the fingers, as commanded last
   EpisodeRunner* running_ = nullptr;  // while a sentence drives
   static constexpr std::string_view kAtRest = "rest";
+  static constexpr int kPlacedSettleSteps = 50;  // control steps after something was moved
   std::string_view doing_ = kAtRest;
   int steps_ = 0, max_steps_ = 0;
   OrderedJson judged_ = OrderedJson::object();

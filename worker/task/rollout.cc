@@ -11,7 +11,6 @@
 #include "services/spec/object_names.h"
 #include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
-#include "worker/sim/saturated.h"
 #include "worker/task/standstill.h"
 
 namespace etude::task {

@@ -15,16 +15,6 @@
 
 namespace etude::task {
 
-/// Whether the predicates of a task can be made: their kinds, parameters and roles. An object may be named: whether a
-/// scene has it is known where the scene is drawn.
-/// @param objects  that may be named beside those that come with Etude: the campaign's own, by their names in scenes
-/// @error kInvalidArgument: as MakePredicate, with the task's name and the key
-Status CheckPredicates(const TaskSpec& task, const std::vector<std::string>& objects = {});
-
-/// The objects that its predicates speak of by their own names, in no order and each as often as it is named.
-/// @param objects  as CheckPredicates
-std::vector<std::string> NamedObjects(const TaskSpec& task, const std::vector<std::string>& objects);
-
 /// What of `start.not_already` holds while the objects stand like this, nothing when none does.
 /// @pre CheckPredicates(task)
 /// @error kInvalidArgument: the rule names an object that is not among them

@@ -6,15 +6,13 @@
 #include <numbers>
 #include <utility>
 
+#include "worker/task/smooth_step.h"
+
 namespace etude::task {
 namespace {
 
 constexpr int kDraws = 30;       // of a way, at each step
 constexpr int kPlacesOfWay = 4;  // that are checked against the robot
-
-// Smooth step 0 -> 1 at rest at both ends, and its derivative.
-double Blend(double s) { return s * s * (3 - 2 * s); }
-double BlendRate(double s) { return 6 * s * (1 - s); }
 
 }  // namespace
 
@@ -55,8 +53,8 @@ void TargetPushes::GoOn() {
     return;
   }
   const double s = static_cast<double>(++push.steps) / kTargetPushSteps;
-  const double rate = BlendRate(s) * kControlRate / kTargetPushSteps;  // 1/s
-  runner_->PushObject(runner_->plan().target, {push.from.p + Blend(s) * push.by, push.from.q}, rate * push.by);
+  const double rate = SmoothStepRate(s) * kControlRate / kTargetPushSteps;  // 1/s
+  runner_->PushObject(runner_->plan().target, {push.from.p + SmoothStep(s) * push.by, push.from.q}, rate * push.by);
 }
 
 std::optional<Eigen::Vector3d> TargetPushes::DrawWay(const Pose& X_WO) {

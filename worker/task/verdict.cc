@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "services/core/enum_name.h"
+#include "services/spec/attempt_outcome.h"
 #include "worker/task/judge.h"
 
 namespace etude::task {
@@ -11,7 +12,7 @@ namespace etude::task {
 std::string_view ToString(AttemptOutcome outcome) {
   return EnumName(outcome,
                   {{AttemptOutcome::kSuccess, "success"},
-                   {AttemptOutcome::kSceneInvalid, "scene_invalid"},
+                   {AttemptOutcome::kSceneInvalid, kSceneInvalid},
                    {AttemptOutcome::kPlanFailed, "plan_failed"},
                    {AttemptOutcome::kGraspMissed, "grasp_missed"},
                    {AttemptOutcome::kDropped, "dropped"},
@@ -20,7 +21,7 @@ std::string_view ToString(AttemptOutcome outcome) {
                    {AttemptOutcome::kViolation, "violation"},
                    {AttemptOutcome::kTimeout, "timeout"},
                    {AttemptOutcome::kUnstable, "unstable"},
-                   {AttemptOutcome::kPolicyError, "policy_error"},
+                   {AttemptOutcome::kPolicyError, kPolicyError},
                    {AttemptOutcome::kStopped, "stopped"}},
                   "unknown");
 }

@@ -18,7 +18,7 @@
 #include "worker/task/attempt.h"
 #include "worker/task/judge.h"
 #include "worker/task/predicates/kind.h"
-#include "worker/task/start_rule.h"
+#include "worker/task/predicates/task_predicates.h"
 
 namespace etude {
 namespace {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Evaluations: reports, rows, videos, and two of them paired.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
 
 #include "dashboard/server/api/context.h"
 #include "services/campaign/eval_comparison.h"
+#include "services/core/statistics.h"
 
 namespace etude::api {
 namespace {
@@ -114,13 +116,15 @@ OrderedJson RowJson(const OrderedJson& row, const std::string& id, const std::ma
   return json;
 }
 
-// "000031-push-timeout.mp4" -> 31; with an overlay where there is one
+// "000031-push-timeout.mp4" -> 31; the one with an overlay where there is one
 std::map<std::uint64_t, std::string> VideosByIndex(const std::vector<std::string>& names) {
   std::map<std::uint64_t, std::string> videos;
   for (const auto& name : names) {
     char* end = nullptr;
     const auto index = std::strtoull(name.c_str(), &end, 10);
-    if (end != name.c_str() && *end == '-') videos[index] = name;
+    if (end == name.c_str() || *end != '-') continue;
+    // "-overlay.mp4" is sorted before ".mp4"
+    if (std::string& known = videos[index]; !known.ends_with("-overlay.mp4")) known = name;
   }
   return videos;
 }
@@ -195,21 +199,45 @@ std::string Difference(const OrderedJson& a, const OrderedJson& b) {
   return "";
 }
 
+// {n, both, only_a, only_b, neither, share_a, share_b, difference, low, high, p}; a is the first
+OrderedJson PairJson(const campaign::PairedCounts& counts) {
+  const auto share = [&](std::uint64_t successes) {
+    return counts.n() == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(counts.n());
+  };
+  const double a = share(counts.both + counts.only_first), b = share(counts.both + counts.only_second);
+  const Interval interval = NewcombePairedInterval(counts.both, counts.only_first, counts.only_second, counts.neither);
+  return {{"n", counts.n()},
+          {"both", counts.both},
+          {"only_a", counts.only_first},
+          {"only_b", counts.only_second},
+          {"neither", counts.neither},
+          {"share_a", a},
+          {"share_b", b},
+          {"difference", a - b},
+          {"low", interval.low},
+          {"high", interval.high},
+          {"p", McNemarExactP(counts.only_first, counts.only_second)}};
+}
+
 OrderedJson Counted(const std::vector<PairRow>& rows, const std::string& task, bool PairRow::*a, bool PairRow::*b) {
-  sources::PairCounts counts;
+  campaign::PairedCounts counts;
   for (const auto& row : rows) {
     if (!task.empty() && row.task != task) continue;
-    ++(row.*a ? (row.*b ? counts.both : counts.only_a) : (row.*b ? counts.only_b : counts.neither));
+    ++(row.*a ? (row.*b ? counts.both : counts.only_first) : (row.*b ? counts.only_second : counts.neither));
   }
   OrderedJson json{{"task", task.empty() ? "overall" : task}};
-  json.update(sources::PairJson(counts));
+  json.update(PairJson(counts));
   return json;
 }
 
 http::Answer OtherScenes(const std::string& a, const std::string& b, const std::vector<std::string>& differences) {
+  const std::string detail =
+      fmt::format("{} and {} were not evaluated in the same scenes and by the same rules; different: {}", a, b,
+                  fmt::join(differences, ", "));
   http::Answer answer =
-      http::Problem(409, "Other scenes", fmt::format("{} and {} were not evaluated in the same scenes", a, b),
-                    "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
+      http::Problem(409, "Other scenes or rules", detail,
+                    "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes, and one "
+                    "version of Etude and of the tasks' files");
   OrderedJson json = OrderedJson::parse(answer.body);
   json["differences"] = differences;
   answer.body = JsonText(json);
@@ -243,6 +271,8 @@ Result<http::Answer> Pair(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval a, OpenEval(context, id_a));
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval b, OpenEval(context, id_b));
   if (const auto differences = SpecDifferences(a, b); !differences.empty()) return OtherScenes(id_a, id_b, differences);
+  if (const auto differences = campaign::RuleDifferences(a.view->report, b.view->report); !differences.empty())
+    return OtherScenes(id_a, id_b, differences);
   const auto first = ByIndex(*a.view), second = ByIndex(*b.view);
   std::vector<PairRow> rows;
   std::set<std::string> tasks;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// What /metrics has, for Prometheus (metrics.cc).
 #pragma once
 
 #include <string>

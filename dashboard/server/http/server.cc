@@ -17,11 +17,13 @@ namespace {
 using boost::system::error_code;
 using net::ip::tcp;
 
+constexpr const char* kTaken =
+    "; another program has that port: choose one with --port (of etude up: --dashboard-port), 0 for any";
+
 tl::unexpected<Error> CannotListen(const ServerOptions& options, const error_code& error) {
   const bool taken = error == net::error::address_in_use;
-  return Fail(Code::kUnavailable,
-              fmt::format("listen on {}:{}: {}{}", options.address, options.port, error.message(),
-                          taken ? "; another program has that port: choose one with --port, or --port 0 for any" : ""));
+  return Fail(Code::kUnavailable, fmt::format("listen on {}:{}: {}{}", options.address, options.port, error.message(),
+                                              taken ? kTaken : ""));
 }
 
 void Repeat(net::steady_timer& timer, std::chrono::milliseconds period, const std::function<void()>& work) {

@@ -10,8 +10,8 @@
 #include "services/core/identity.h"
 #include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/episode_plan.h"
-#include "services/store/attempts.h"
 #include "services/store/filter_keys.h"
 
 namespace etude::sources {
@@ -159,12 +159,11 @@ std::set<std::uint64_t> DatasetView::UsedUp() const {
   std::map<std::uint64_t, std::set<std::uint32_t>> failed;
   std::set<std::uint64_t> used_up;
   for (const auto& row : failures) {
-    if (row.outcome == "policy_error" || Find(row.index)) continue;  // that one is made again, whatever its number
+    const Retry retry = RetryOf(info.spec, row.outcome);
+    if (retry == Retry::kSameAttempt || Find(row.index)) continue;  // that one is made again, whatever its number
     auto& attempts = failed[row.index];
     attempts.insert(row.attempt);
-    // a rollout's scene is a function of its index: another attempt would be the same
-    const bool never = row.outcome == "scene_invalid" && info.spec.mode == "rollout";
-    if (never || attempts.size() >= most) used_up.insert(row.index);
+    if (retry == Retry::kNever || attempts.size() >= most) used_up.insert(row.index);
   }
   return used_up;
 }
@@ -172,7 +171,7 @@ std::set<std::uint64_t> DatasetView::UsedUp() const {
 DatasetSource::DatasetSource(Found found, std::chrono::milliseconds settled)
     : found_(std::move(found)),
       settled_(settled),
-      commits_(found_.folder, kMostRows),
+      commits_(found_.folder),
       attempts_(found_.folder / "attempts.jsonl") {}
 
 Status DatasetSource::ReadSpec() {
@@ -191,7 +190,11 @@ Status DatasetSource::ReadSpec() {
   info_.content = static_cast<std::int64_t>(UnsignedOf(*json, "content").value_or(0));
   info_.derived = FlagOf(*json, "derived");
   if (const auto identity = ReadIdentity(found_.folder)) {
-    if (identity->id != info_.identity) rows_.clear();  // it was made anew
+    if (identity->id != info_.identity) {  // it was made anew
+      rows_.clear();
+      told_.clear();
+      commits_ = store::CommitTail(found_.folder);
+    }
     info_.identity = identity->id;
     info_.since = identity->since;
   }
@@ -234,19 +237,17 @@ EpisodeRow DatasetSource::About(std::uint64_t index) {
 void DatasetSource::ReadCommits() {
   commits_stamp_ = StampOf(found_.folder / "commits.jsonl");
   info_.journal = commits_stamp_.exists();
-  const std::uint64_t before = commits_.generation();
-  const auto changed = commits_.Refresh();
-  if (!changed || !*changed) return;
-  if (commits_.generation() != before) rows_.clear();
-  changed_ = true;
-  // all of them: a later line of an index takes the place of the earlier one
-  for (std::size_t i = 0; i < commits_.size(); ++i) {
-    EpisodeRow row;
-    row.index = commits_.index()[i];
-    row.split = SplitOrNone(info_.spec, row.index);
-    TakeCommit(commits_.Row(i), row);
-    rows_[row.index] = std::move(row);
-  }
+  // one that cannot be read now is asked for again
+  (void)commits_.Refresh([this]() ETUDE_REQUIRES(mutex_) { rows_.clear(), told_.clear(), changed_ = true; },
+                         [this](const store::CommitRow& made) ETUDE_REQUIRES(mutex_) {
+                           if (told_.size() >= kMostRows && !told_.contains(made.index)) return;
+                           EpisodeRow row;
+                           row.index = made.index;
+                           row.split = SplitOrNone(info_.spec, row.index);
+                           TakeCommit(made, row);
+                           told_[row.index] = std::move(row);  // a later line takes the place of the earlier one
+                           changed_ = true;
+                         });
 }
 
 void DatasetSource::ReadFailures() {
@@ -254,7 +255,7 @@ void DatasetSource::ReadFailures() {
                     [this](const OrderedJson& line) {
                       if (!UnsignedOf(line, "index") || failures_.size() >= kMostRows) return;
                       AttemptRow row = FailureFrom(line);
-                      if (row.outcome == store::kRecheckMismatch) return;  // the attempt itself had succeeded
+                      if (row.outcome == kRecheckMismatch) return;  // the attempt itself had succeeded
                       TakePlan(row);
                       failures_.push_back(std::move(row));
                       changed_ = true;
@@ -273,7 +274,8 @@ void DatasetSource::ReadEnd() {
   changed_ = true;
 }
 
-// The files decide what is committed: the journal may be behind, or of episodes that were set aside.
+// The files decide what is committed: the journal may be behind, or of episodes that were set aside. Where another host
+// writes it may be ahead of what a folder shows: what it told, once, is kept until then.
 Status DatasetSource::ListEpisodes() {
   auto times = FolderTimes(found_.folder);
   const auto now = MonotonicClock::now();
@@ -284,8 +286,11 @@ Status DatasetSource::ListEpisodes() {
   std::erase_if(rows_, [&](const auto& item) { return !std::ranges::binary_search(indices, item.first); });
   changed_ = changed_ || rows_.size() != before;
   for (const auto index : indices) {
-    if (rows_.contains(index) || rows_.size() >= kMostRows) continue;
-    rows_.emplace(index, RowFromSpec(index));
+    const bool listed = rows_.contains(index);
+    if (!listed && rows_.size() >= kMostRows) continue;
+    auto told = told_.extract(index);
+    if (listed && told.empty()) continue;
+    rows_.insert_or_assign(index, told.empty() ? RowFromSpec(index) : std::move(told.mapped()));
     changed_ = true;
   }
   return {};

@@ -76,7 +76,7 @@ struct DatasetView {
 
   /// nullptr: no such episode.
   const EpisodeRow* Find(std::uint64_t index) const;
-  /// Indices whose attempts are used up, as their collector counts them (services/campaign/history.h).
+  /// Indices whose attempts are used up, as their collector counts them (services/spec/attempt_outcome.h).
   std::set<std::uint64_t> UsedUp() const;
   std::uint64_t GivenUp() const { return UsedUp().size(); }
 };
@@ -128,12 +128,13 @@ class DatasetSource {
   FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_), sampling_stamp_ ETUDE_GUARDED_BY(mutex_),
       collector_stamp_ ETUDE_GUARDED_BY(mutex_);
   DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
-  store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
+  store::CommitTail commits_ ETUDE_GUARDED_BY(mutex_);
   FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);
   JsonLines attempts_ ETUDE_GUARDED_BY(mutex_);
   std::vector<std::filesystem::file_time_type> folder_times_ ETUDE_GUARDED_BY(mutex_);
   MonotonicClock::time_point folders_changed_ ETUDE_GUARDED_BY(mutex_){};
   std::map<std::uint64_t, EpisodeRow> rows_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, EpisodeRow> told_ ETUDE_GUARDED_BY(mutex_);  // by the journal, of files not seen yet
   std::vector<AttemptRow> failures_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const DatasetView> view_ ETUDE_GUARDED_BY(mutex_);
   bool changed_ ETUDE_GUARDED_BY(mutex_) = true;

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <map>
 
-#include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
 
 namespace etude::sources {
@@ -95,25 +94,6 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
   now_.updated = std::max(report_stamp_.modified_s(), lines_.stamp().modified_s());
   view_ = std::make_shared<const EvalView>(now_);
   return view_;
-}
-
-OrderedJson PairJson(const PairCounts& counts) {
-  const auto share = [&](std::uint64_t successes) {
-    return counts.n() == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(counts.n());
-  };
-  const double a = share(counts.both + counts.only_a), b = share(counts.both + counts.only_b);
-  const Interval interval = NewcombePairedInterval(counts.both, counts.only_a, counts.only_b, counts.neither);
-  return {{"n", counts.n()},
-          {"both", counts.both},
-          {"only_a", counts.only_a},
-          {"only_b", counts.only_b},
-          {"neither", counts.neither},
-          {"share_a", a},
-          {"share_b", b},
-          {"difference", a - b},
-          {"low", interval.low},
-          {"high", interval.high},
-          {"p", McNemarExactP(counts.only_a, counts.only_b)}};
 }
 
 }  // namespace etude::sources

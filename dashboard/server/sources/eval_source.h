@@ -40,12 +40,4 @@ class EvalSource {
   std::shared_ptr<const EvalView> view_ ETUDE_GUARDED_BY(mutex_);
 };
 
-/// Two evaluations of the same scenes, rollout by rollout.
-struct PairCounts {
-  std::uint64_t both = 0, only_a = 0, only_b = 0, neither = 0;
-  std::uint64_t n() const { return both + only_a + only_b + neither; }
-};
-/// {n, both, only_a, only_b, neither, share_a, share_b, difference, low, high, p}
-OrderedJson PairJson(const PairCounts& counts);
-
 }  // namespace etude::sources

@@ -166,6 +166,21 @@ function tensors(all) {
 
 const curve = (x, last) => tensors({ 'train/loss/x': x, 'train/loss/step': x, 'train/loss/min': last, 'train/loss/max': last, 'train/loss/last': last });
 
+test('a browser that keeps nothing for pages shows them', async () => {
+  const { page, context, wrong } = await openPage(browser, gateway.address);
+  try {
+    await page.addInitScript(() => {
+      Object.defineProperty(globalThis, 'localStorage', { get() { throw new DOMException('denied', 'SecurityError'); } });
+    });
+    await page.goto(gateway.address);
+    await page.waitForSelector('main h1', { state: 'attached' });
+    await page.getByRole('button', { name: /^Theme/ }).click();
+    assert.deepEqual(wrong, []);
+  } finally {
+    await context.close();
+  }
+});
+
 test('a page stays with the source that it began with, and its address names it', async () => {
   const runs = ['one', 'two'].map((id) => source('run', id, { live: true }));
   const answers = { '/home': await homeOf(runs), ...answersOf('one'), ...answersOf('two') };
@@ -1039,6 +1054,15 @@ test('an episode stays where it was looked at, and its view in space as it was t
     await page.keyboard.press('Space');
     await page.waitForURL('**step=*');
     assert.equal(named(), await shown());
+    // browsers refuse to change it many times a second
+    await page.evaluate(() => {
+      const own = history.replaceState.bind(history);
+      globalThis.changes = 0;
+      history.replaceState = (...all) => { globalThis.changes++; own(...all); };
+    });
+    for (let i = 0; i < 30; i++) await page.keyboard.press('ArrowRight');
+    await until('the address to follow', async () => named() === await shown());
+    assert.ok(await page.evaluate(() => globalThis.changes) < 20, 'as often as keys were pressed');
     // while it is dragged the address has not heard of it
     await page.locator('input[type=range]').evaluate((one) => { one.value = '40'; one.dispatchEvent(new Event('input', { bubbles: true })); });
     assert.equal(await shown(), 40);

@@ -98,6 +98,8 @@ TEST_F(UnitsTest, EachIsWatched) {
     EXPECT_THAT(units_[name], HasSubstr("\nWatchdogSec=")) << name;
     EXPECT_THAT(units_[name], HasSubstr("\nPartOf=etude.target\n")) << name;
   }
+  // it replaces a child that the kernel ended for want of memory; systemd would end all of them
+  EXPECT_THAT(units_["etude-worker@.service"], HasSubstr("\nOOMPolicy=continue\n"));
 }
 
 // A variable that a unit names is set, and a file that a setting names is there.

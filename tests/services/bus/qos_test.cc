@@ -83,6 +83,7 @@ TEST(QosOfTopics, IsWhatTheTableSays) {
   ExpectBoth<BlobAck>(peers.a, false, 0, 20);
   ExpectBoth<Observation>(peers.a, false, 1);
   ExpectBoth<Action>(peers.a, false, 1);
+  ExpectBoth<Insight>(peers.a, false, 16);
   ExpectBoth<TrainStatus>(peers.a, true, 1);
   ExpectBoth<CampaignControl>(peers.a, false, 0);
   ExpectBoth<PolicyStatus>(peers.a, true, 1);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Who may what on a secured bus, with real participants: two DDS domains of this process that are one outside.
+#include <fnmatch.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -282,6 +283,24 @@ TEST_F(SecurityTest, EveryTopicHasItsRule) {
   }
 }
 
+// before, no identity of named runs could play with a checkpoint: it is served as a run of its own
+TEST(GrantsOfNamedRuns, IncludeThoseOfEvaluationsAndOfPlay) {
+  const auto grants = GrantsFor({Role::kWorker}, "w", {}, {"demo"});
+  const auto granted = [&](bool publish, std::string_view topic, const char* partition) {
+    return std::ranges::any_of(grants, [&](const security::Grant& one) {
+      return one.publish == publish && one.topic == topic && ::fnmatch(one.partition.c_str(), partition, 0) == 0;
+    });
+  };
+  for (const char* run : {"demo/1", "eval-0123/1", "play-1a2b3c/1"}) {
+    EXPECT_TRUE(granted(true, Traits<Observation>::kTopic, run)) << run;
+    EXPECT_TRUE(granted(false, Traits<Action>::kTopic, (std::string(run) + "/w").c_str())) << run;
+    EXPECT_FALSE(granted(false, Traits<Action>::kTopic, (std::string(run) + "/other").c_str())) << run;
+  }
+  EXPECT_FALSE(granted(true, Traits<Observation>::kTopic, "other/1"));
+  EXPECT_FALSE(granted(false, Traits<Action>::kTopic, "other/1/w"));
+  EXPECT_FALSE(granted(true, Traits<Observation>::kTopic, "player/1"));
+}
+
 template <class Message>
 void ExpectTheGatewayReads() {
   EXPECT_NE(Traits<Message>::kAccess.subscribe & MaskOf(Role::kGateway), 0u) << Traits<Message>::kTopic;
@@ -495,9 +514,20 @@ TEST(PeerJudge, KnowsWhenNobodyAdmitsIt) {
   EXPECT_FALSE(judge.Look({{"a"}, {}}, 0).alone);
   EXPECT_TRUE(judge.Look({{"a"}, {}}, 31).alone);
   PeerJudge admitted;
-  (void)admitted.Look({{"hub"}, {"hub"}}, 0);
-  (void)admitted.Look({{"hub", "stranger"}, {"hub"}}, 1);
-  EXPECT_FALSE(admitted.Look({{"hub", "stranger"}, {"hub"}}, 60).alone);
+  (void)admitted.Look({{"hub"}, {"hub"}, {"hub"}}, 0);
+  (void)admitted.Look({{"hub", "stranger"}, {"hub"}, {"hub"}}, 1);
+  EXPECT_FALSE(admitted.Look({{"hub", "stranger"}, {"hub"}, {"hub"}}, 60).alone);
+}
+
+TEST(PeerJudge, ARackThatTheHubDoesNotKnowAnyMoreLeaves) {
+  PeerJudge rack;
+  (void)rack.Look({{"hub", "mate"}, {"hub", "mate"}, {"hub"}}, 0);
+  EXPECT_FALSE(rack.Look({{"hub-2", "mate"}, {"mate"}}, 5).alone);
+  EXPECT_TRUE(rack.Look({{"hub-2", "mate"}, {"mate"}}, 36).alone) << "the hub was started again with a new list";
+  PeerJudge waits;
+  (void)waits.Look({{"hub", "stranger"}, {"hub"}, {"hub"}}, 0);
+  (void)waits.Look({{"hub", "stranger"}, {"hub"}, {"hub"}}, 100);
+  EXPECT_FALSE(waits.Look({{"stranger"}, {}}, 200).alone) << "its collector is away";
 }
 
 TEST(LeaseSeconds, IsWhatTheProfileSays) {

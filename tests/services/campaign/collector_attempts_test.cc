@@ -13,6 +13,7 @@
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/file.h"
+#include "services/spec/attempt_outcome.h"
 #include "tests/services/campaign/collector_fixture.h"
 #include "tests/services/campaign/says_stopped.h"
 #include "tests/support/wait_until.h"

@@ -42,14 +42,15 @@ TEST_F(CollectorTest, OneWorkerCompletesACampaign) {
   EXPECT_EQ(progress.failures.at("plan_failed"), failed);
   ExpectWhole(spec, folder_ / "data");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "data/dataset.hdf5"));
-  store::CommitTable commits(folder_ / "data");
-  ASSERT_TRUE(commits.Refresh());
+  std::map<std::uint64_t, store::CommitFacts> commits;
+  const auto take = [&](const store::CommitRow& row) { commits[row.index] = row.facts; };
+  ASSERT_TRUE(store::CommitTail(folder_ / "data").Refresh([] {}, take));
   ASSERT_EQ(commits.size(), spec.episodes);
-  for (std::size_t row = 0; row < commits.size(); ++row) {
-    EXPECT_EQ(commits.host().At(row), HostName());
-    EXPECT_FALSE(commits.worker().At(row).empty());
-    EXPECT_EQ(commits.timings()[row].plan_s, 0.25) << "beside the episode, not in it";
-    EXPECT_GT(commits.timings()[row].wall_s, 0);
+  for (const auto& [index, facts] : commits) {
+    EXPECT_EQ(facts.host, HostName());
+    EXPECT_FALSE(facts.worker.empty());
+    EXPECT_EQ(facts.timings.plan_s, 0.25) << "beside the episode, not in it";
+    EXPECT_GT(facts.timings.wall_s, 0);
   }
   const std::string attempts = ReadTextFile(folder_ / "data/attempts.jsonl").value_or("");
   if (failed > 0) {

@@ -68,7 +68,8 @@ TEST(CompareEvaluations, RefusesThoseThatWereJudgedByOtherRules) {
   EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), IsOk());
   other["rules"]["tasks"]["push"] = "another file";
   ASSERT_THAT(WriteFileAtomically(folder / "b/eval.json", other.dump()), IsOk());
-  EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), MessageHas("tasks.push"));
+  EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), MessageHas(R"(tasks.push ("another file", now ")"))
+      << "as with scenes: the other's, and this one's";
   other.erase("rules");
   ASSERT_THAT(WriteFileAtomically(folder / "b/eval.json", other.dump()), IsOk());
   EXPECT_THAT(CompareEvaluations(folder / "a", folder / "b"), IsOk()) << "of an earlier version, which does not say";
@@ -214,6 +215,19 @@ TEST(SceneDifferences, AreWhatMakesOtherScenesAndNothingElse) {
   ASSERT_EQ(differences.size(), 4u) << testing::PrintToString(differences);
   EXPECT_EQ(differences[0], "seed (1, now 2)");
   EXPECT_EQ(differences[1], "camera.fovy_deg (60.0, now 40.0)");
+}
+
+TEST(RuleDifferences, AreOfTheRulesAloneAndNoneWhereAReportDoesNotSay) {
+  const OrderedJson report{{"rules", {{"tasks", {{"pick", "a"}, {"push", "b"}}}, {"content", 7}, {"rollout", 4}}}};
+  OrderedJson other = report;
+  other["run"] = "another";
+  EXPECT_THAT(RuleDifferences(report, other), IsEmpty());
+  other["rules"]["tasks"]["push"] = "c";
+  other["rules"]["rollout"] = 5;
+  EXPECT_THAT(RuleDifferences(report, other), ElementsAre(R"(tasks.push ("b", now "c"))", "rollout (4, now 5)"));
+  EXPECT_THAT(CheckSameRules(report, other, "b"), MessageHas("rollout (5, now 4)"));
+  EXPECT_THAT(RuleDifferences(report, OrderedJson::object()), IsEmpty());
+  EXPECT_THAT(RuleDifferences(OrderedJson::object(), report), IsEmpty());
 }
 
 class Folders : public testing::Test {

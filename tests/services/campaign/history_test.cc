@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "services/campaign/lease_table.h"
 #include "tests/services/campaign/says_stopped.h"
 #include "tests/support/temporary_folder.h"
 

@@ -54,6 +54,8 @@ TEST(LeaseTable, TheFrontierLiesBehindEverythingThatWasEverTouched) {
   EXPECT_EQ(table.frontier(), 7u);
   table.RestoreCommitted(99);
   EXPECT_EQ(table.frontier(), 100u) << "made before the campaign was shortened, with the weights that held then";
+  table.RestoreFailures(120, 1, 1);
+  EXPECT_EQ(table.frontier(), 121u) << "and tried with them";
 }
 
 TEST(LeaseTable, AShardLeasesItsOwnIndicesAndNoOthers) {
@@ -76,7 +78,7 @@ TEST(LeaseTable, AShardLeasesItsOwnIndicesAndNoOthers) {
   for (const std::uint64_t index : {1, 7}) table.Commit(index);
   for (int attempt = 0; attempt < 3; ++attempt) {
     (void)table.Request("w10", Time{});
-    table.Fail(10, LeaseTable::Retry::kNextAttempt);
+    table.Fail(10, Retry::kNextAttempt);
   }
   EXPECT_EQ(table.given_up(), 1u);
   EXPECT_TRUE(table.complete());
@@ -112,6 +114,14 @@ TEST(LeaseTable, ExpiredLeaseIsLeasedAgainWithAnotherToken) {
   EXPECT_EQ(table.Check(0, 0, assignment.token), LeaseValidity::kCurrent);
 }
 
+TEST(LeaseTable, WhileNobodyCouldBeHeardNothingExpires) {
+  LeaseTable table(Config(2));
+  ASSERT_EQ(table.Request("a", Time{}).kind, Assignment::Kind::kWork);
+  table.Postpone(1h);
+  EXPECT_EQ(table.Expire(Time{} + 1h + 9s), 0);
+  EXPECT_EQ(table.Expire(Time{} + 1h + 10s), 1);
+}
+
 TEST(LeaseTable, ExpiredTokenStaysTheNewestUntilLeasedAgain) {
   LeaseTable table(Config(1));
   const Assignment assignment = table.Request("slow", Time{});
@@ -138,7 +148,7 @@ TEST(LeaseTable, FailuresLeadToTheNextAttemptAndThenToGivingUp) {
     const Assignment assignment = table.Request("w", Time{});
     ASSERT_EQ(assignment.kind, Assignment::Kind::kWork);
     EXPECT_EQ(assignment.attempt, attempt);
-    table.Fail(0, LeaseTable::Retry::kNextAttempt);
+    table.Fail(0, Retry::kNextAttempt);
     EXPECT_EQ(table.Check(0, attempt, assignment.token), LeaseValidity::kStale);
   }
   EXPECT_EQ(table.given_up(), 1u);
@@ -148,7 +158,7 @@ TEST(LeaseTable, FailuresLeadToTheNextAttemptAndThenToGivingUp) {
 TEST(LeaseTable, WhatCanNeverSucceedIsClosedAtOnce) {
   LeaseTable table(Config(2));
   const Assignment grant = table.Request("w", Time{});
-  table.Fail(grant.index, LeaseTable::Retry::kNever);
+  table.Fail(grant.index, Retry::kNever);
   EXPECT_EQ(table.given_up(), 1u);
   EXPECT_EQ(table.Request("w", Time{}).index, 1u);
   EXPECT_EQ(table.Check(0, 0, grant.token), LeaseValidity::kStale);
@@ -525,7 +535,7 @@ class RandomCampaign {
     if (gives_back) {
       table_.Release(assignment.index);
     } else if (FailsByNature(assignment.index, assignment.attempt)) {
-      table_.Fail(assignment.index, LeaseTable::Retry::kNextAttempt);
+      table_.Fail(assignment.index, Retry::kNextAttempt);
       if (assignment.attempt + 1 == config_.max_attempts) given_up_.insert(assignment.index);
     } else {
       table_.Commit(assignment.index);

@@ -16,6 +16,7 @@
 #include "services/core/command.h"
 #include "services/core/file.h"
 #include "services/core/share.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/store/attempts.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
@@ -109,7 +110,7 @@ class Recheck : public testing::Test {
   std::vector<OrderedJson> Mismatches() const {
     std::vector<OrderedJson> found;
     store::ForEachAttempt(folder_ / "data", [&](const store::AttemptLine& line) {
-      if (line.outcome == store::kRecheckMismatch) found.push_back(line.details);
+      if (line.outcome == kRecheckMismatch) found.push_back(line.details);
     });
     return found;
   }
@@ -118,6 +119,19 @@ class Recheck : public testing::Test {
   std::unique_ptr<bus::Participant> participant_;
   TemporaryFolder folder_;
 };
+
+// Altered software would have had its own host check what it made, and an honest one named for it.
+TEST_F(Recheck, WhoCallsItsBytesAnotherHostsDoesNotMakeThemAgain) {
+  Running running(std::move(*Open()));
+  HostWorker liar(running, spec_, "liar", "lab-1"), second(running, spec_, "second", "lab-1");
+  auto other = bus::Participant::Open({.domain = kDomain, .address = "lab-2"});
+  ASSERT_THAT(other, IsOk());
+  auto sender = bus::BlobSender::Open(*other, {spec_.name, running->id()}, "episode", "liar");
+  ASSERT_THAT(sender, IsOk());
+  const bus::Lease lease = liar.Ask();
+  EXPECT_THAT(sender->Send(lease.token, Bytes(lease), lease.token, "{}", 20s), IsOk());
+  EXPECT_NE(second.Ask().index, lease.index) << "of the host that made it";
+}
 
 TEST_F(Recheck, AnotherHostMakesEpisodesAgainAndADifferenceNamesBoth) {
   Running running(std::move(*Open()));

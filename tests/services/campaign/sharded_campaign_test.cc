@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <memory>
+#include <thread>
 
 #include "services/campaign/collector.h"
 #include "services/campaign/history.h"
@@ -14,6 +16,7 @@
 #include "services/core/share.h"
 #include "services/store/edit.h"
 #include "tests/services/campaign/fake_work.h"
+#include "tests/services/campaign/full_disk_sink.h"
 #include "tests/services/campaign/running_collector.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
@@ -94,6 +97,31 @@ TEST_F(ShardedCampaign, MakesTheDatasetOfOneCollectorWithAWorkerThatGoesFromShar
     EXPECT_EQ((*running)->progress().lost_leases, 0u) << "nobody left with a lease";
   }
   EXPECT_EQ(HashOfLinked({folder_ / "a", folder_ / "b"}), expected);
+}
+
+// Workers go to another shard by chance now and then, and each that came to this one stayed for ever.
+TEST_F(ShardedCampaign, AShardWhoseDiskIsFullKeepsNobodyFromTheOthers) {
+  std::atomic<bool> full{true};
+  CollectorOptions options = QuickOptions();
+  options.lease = 60s;
+  options.shard = {1, 2};
+  Running first(std::move(*Collector::Open(
+      *participant_, spec_, std::make_unique<FullDiskSink>(std::move(*OpenDatasetSink(folder_ / "a", spec_)), full),
+      options)));
+  RawWorker stuck(*participant_, spec_, first->id(), "stuck");
+  const bus::Lease held = stuck.Ask();
+  auto sender = bus::BlobSender::Open(*participant_, {spec_.name, first->id()}, "episode", "stuck");
+  ASSERT_THAT(sender, IsOk());
+  const auto bytes = EncodeEpisode(FakeEpisode(spec_, held.index, held.attempt));
+  std::jthread sends([&] { EXPECT_THAT(sender->Send(held.token, bytes, held.token, "{}", 120s), IsOk()); });
+  ASSERT_TRUE(WaitUntil([&] { return !first->progress().error.empty(); }));
+  const auto second = Start("b", {2, 2});
+  Process worker = StartWorker(spec_.name);
+  EXPECT_TRUE(WaitUntil([&] { return (*second)->progress().complete; })) << Log();
+  full = false;
+  sends.join();
+  first.Join();
+  EXPECT_EQ(worker.Wait(20s), 0) << Log();
 }
 
 TEST_F(ShardedCampaign, TwoWorkersAndAShardThatBeginsLaterFinishAllOfIt) {

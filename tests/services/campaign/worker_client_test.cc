@@ -8,12 +8,14 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <thread>
 #include <vector>
 
 #include "services/bus/topic.h"
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/task_name.h"
 #include "tests/services/campaign/collector_fixture.h"
 #include "tests/support/wait_until.h"
@@ -128,6 +130,36 @@ TEST_F(WorkerClientTest, AWorkerEndsWhenItsFilesChangeAndWhatItMadeOfThemIsNotKe
   EXPECT_TRUE(work());
   running.Join();
   ExpectWhole(spec, folder_ / "data");
+}
+
+// The key is no part of the spec's hash: a standing worker went on with what it had heard first.
+TEST_F(WorkerClientTest, AStandingWorkerIsAsPatientAsTheCollectorThatWasStartedAgain) {
+  CampaignSpec spec = Spec("patience", 1000);
+  spec.stall_timeout_s = 120;
+  std::vector<double> patience;  // that its work was made with
+  WorkerOptions options;
+  options.campaign = spec.name;
+  auto client = WorkerClient::Open(*participant_, options);
+  ASSERT_TRUE(client) << client.error().message;
+  std::jthread works([&] {
+    (void)client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
+      patience.push_back(joined.spec.stall_timeout_s);
+      return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
+    });
+  });
+  const auto commit_some = [&](const CampaignSpec& now) {
+    Running running(std::move(*Open(now, folder_ / "data")));
+    const auto before = running->progress().committed;
+    EXPECT_TRUE(WaitUntil([&] { return running->progress().committed > before; }));
+  };
+  commit_some(spec);
+  spec.stall_timeout_s = 600;
+  commit_some(spec);
+  spec.episodes = 6;
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  running.Join();
+  works.join();
+  EXPECT_EQ(patience, (std::vector<double>{120, 600})) << "and more or fewer episodes make nothing anew";
 }
 
 TEST_F(WorkerClientTest, TerminatedWorkerReleasesItsWork) {

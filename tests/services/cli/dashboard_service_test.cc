@@ -44,7 +44,9 @@ TEST(DashboardService, SaysItsAddressAndATakenPortIsAnError) {
   TemporaryFolder other;
   auto second = DashboardService::Start({other.path(), port, {kDomain, "", "text"}, Gateway()});
   ASSERT_THAT(second, IsOk());
-  EXPECT_THAT(Settle(*second), MessageHas(std::to_string(port)));
+  const Status taken = Settle(*second);
+  EXPECT_THAT(taken, MessageHas(std::to_string(port)));
+  EXPECT_THAT(taken, MessageHas("--dashboard-port"));  // what `etude up` calls it
   EXPECT_EQ(second->address(), "");
   first->Stop(5s);
 }

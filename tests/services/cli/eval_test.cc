@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/cli/eval.cc: what is refused before anything starts.
+#include "services/campaign/eval_report.h"
+#include "services/cli/evaluation.h"
 #include "services/core/command.h"
+#include "services/core/config.h"
 #include "tests/services/cli/cli_fixture.h"
 
 namespace etude {
@@ -54,6 +57,22 @@ TEST_F(EvalCli, EvalSaysWhatIsWrongWithItsSuites) {
   const Outcome none = Etude({"eval", "--out", In("e"), "--compare", In("nothing")});
   EXPECT_NE(none.exit_code, kExitOk);
   EXPECT_THAT(none.text, HasSubstr("is no evaluation of `etude eval`"));
+}
+
+TEST_F(EvalCli, EvalSaysThatTheOtherHasOtherRulesBeforeItRollsOut) {
+  WriteCheckpoint("b.safetensors", {{"run", "demo"}});
+  cli::EvaluationOptions options;
+  options.run = "a";
+  options.out = In("a");
+  OrderedJson report = campaign::EvalReport(cli::EvaluationSpec(CampaignSpec(), options), {});
+  report["rules"]["rollout"] = 1;
+  std::filesystem::create_directories(In("a"));
+  WriteFile("a/eval.json", report.dump());
+  const Outcome outcome =
+      Etude({"eval", "--checkpoint", In("b.safetensors"), "--out", In("e"), "--compare", In("a"), "--domain", "81"});
+  EXPECT_EQ(outcome.exit_code, kExitUsage) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("by other rules; different: rollout (1, now"));
+  EXPECT_FALSE(std::filesystem::exists(In("e") + "/rollouts"));
 }
 
 TEST_F(EvalCli, EvalSaysWhatAnOverlayNeeds) {

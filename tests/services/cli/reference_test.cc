@@ -42,6 +42,17 @@ TEST(CommandsPage, HasATableOfOptionsThatAnyTextFitsInto) {
   EXPECT_THAT(page, Not(HasSubstr("| `--help`")));
 }
 
+TEST(CommandsPage, OnlyWorkersAreByTheCores) {
+  auto commands = Commands();
+  auto& options = commands["commands"][0]["commands"][0]["options"];
+  for (const char* name : {"--workers", "--threads"}) {
+    options.push_back(Option(name, "INT"));
+    options.back()["default"] = "1";
+  }
+  const std::string page = CommandsPage(commands);
+  EXPECT_THAT(page, HasAll({"| `--workers` INT | by its cores |", "| `--threads` INT | `1` |"}));
+}
+
 TEST(MetricsPage, PutsHelpAndTypeTogether) {
   const std::string page = MetricsPage("# HELP etude_x How many.\n# TYPE etude_x counter\n");
   EXPECT_THAT(page, HasSubstr("| `etude_x` | counter | How many. |"));

@@ -36,7 +36,9 @@ class Results : public testing::Test {
         "  - name: c\n    title: third\n    train: {{runs_of: a, seeds: [7]}}\n"
         "    eval: {{sentences: table8, scenes_each: 2}}\n"
         "  - name: d\n    title: fourth\n    train: {{runs_of: a, seeds: [7]}}\n"
-        "    eval: {{episodes: 10}}\n    compare: a\n",
+        "    eval: {{episodes: 10}}\n    compare: a\n"
+        "  - name: e\n    title: fifth\n    train: {{runs_of: a, seeds: [7]}}\n"
+        "    eval: {{episodes: 10}}\n    compare: d\n",
         minutes);
     Write("results.yaml", rows);
     std::vector<std::string> arguments{"results", In("results.yaml"), "--out", In("out"), "--domain", "81"};
@@ -225,6 +227,45 @@ TEST_F(Results, AComparisonIsNotLostWhereTheOtherRowIsNotThere) {
   EXPECT_THAT(kept.text, HasSubstr("| fourth | a | 7 | 10 | 2 | 1 | 10.0 ["));
 }
 
+// `d` beside it is compared itself, and said to be compared with nothing
+TEST_F(Results, ARowThatIsComparedWithAComparedOneIsShownWithBoth) {
+  Write("out/runs/a-7/whole", "\n");
+  for (const char* row : {"a", "d", "e"}) WriteReport(10, 0, row);
+  (void)Make("10", {"--row", "a", "--row", "d", "--row", "e"});  // reports without a spec: compared with nothing yet
+  auto records = OrderedJson::parse(ReadTextFile(folder_ / "out/results.json").value());
+  const std::string hash = cli::RolloutsHash(records["rows"][0]["reports"][0]["report"]);
+  for (auto& row : records["rows"]) {
+    if (row["row"] != "d") continue;
+    row["reports"][0]["report"]["comparison"] = {
+        {"overall", {{"n", 10}, {"both", 7}, {"only_first", 2}, {"only_second", 1}}},
+        {"with", "a"},
+        {"with_sha256", hash}};
+  }
+  Write("out/results.json", records.dump());
+  const CommandOutcome made = Make("10", {"--row", "e"});
+  EXPECT_THAT(made.text, HasSubstr("| first `a` |"));
+  EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | 10 | 2 | 1 | 10.0 ["));
+}
+
+// before, it was the last word after hours of training
+TEST_F(Results, AnEvaluationThatCannotBeIsSaidBeforeTheCollection) {
+  for (const auto& [eval, says] : {std::pair{"{tasks: [pik]}", "did you mean 'pick'?"},
+                                   {"{scenes: none}", "campaign files are in"},
+                                   {"{pushes: 20}", "rollout.pushes.count"},
+                                   {"{set: [rolout.x=1]}", "did you mean 'rollout'?"}}) {
+    Write("results.yaml", fmt::format("rows:\n  - name: a\n    title: first\n    data: {{campaign: none.yaml}}\n"
+                                      "    train: {{minutes: 1}}\n    eval: {}\n",
+                                      eval));
+    const CommandOutcome made =
+        RunEtude({"results", In("results.yaml"), "--out", In("out"), "--domain", "81"}, folder_ / "output.txt");
+    EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+    EXPECT_THAT(made.text, HasSubstr("a, seed 1: eval: "));
+    EXPECT_THAT(made.text, HasSubstr(says));
+    EXPECT_THAT(made.text, Not(HasSubstr("etude collect")));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out/rows/a.json"));
+  }
+}
+
 TEST_F(Results, DoesNotTakeTheEvaluationOfARunThatWasTrainedAgain) {
   Write("out/runs/a-7/whole", "\n");
   Write("out/runs/a-7/checkpoints/latest.safetensors", "trained again");
@@ -266,7 +307,7 @@ class ResultsOfStandIns : public Results {
     auto process = campaign::Process::Start(
         {{In("bin/results"), "results", In("results.yaml"), "--out", In("out"), "--domain", "81"},
          folder_ / "output.txt",
-         {}});
+         {{"ETUDE_SHARE", std::filesystem::absolute("deploy").string()}}});
     if (!process) return {-1, process.error().message};
     const int exit_code = process->Wait(std::chrono::seconds(60)).value_or(-1);
     return {exit_code, ReadTextFile(folder_ / "output.txt").value_or("")};

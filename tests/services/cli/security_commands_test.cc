@@ -73,6 +73,18 @@ TEST_F(SecurityCommands, WhatCannotBeAnIdentityIsUsage) {
   EXPECT_EQ(Issue("rack-1", {"--role", "worker"}).exit_code, kExitUsage) << "the name is taken";
 }
 
+// before, it was said when the collection was done and training should have begun
+TEST_F(SecurityCommands, UpSaysAtTheStartWhoseIdentityIsMissing) {
+  ASSERT_EQ(Issue("up", {"--role", "collector", "--role", "gateway", "--role", "relay"}).exit_code, kExitOk);
+  ASSERT_EQ(Issue("worker", {"--role", "worker"}).exit_code, kExitOk);
+  const auto campaign = std::filesystem::absolute("deploy/campaigns/quickstart.yaml");
+  const std::string file = WriteFile("up.yaml", "campaign: " + campaign.string());
+  const CommandOutcome up = Etude({"up", file, "--out", In("out"), "--security", In("fleet/up"), "--domain", "81"});
+  EXPECT_EQ(up.exit_code, kExitMachine) << up.text;
+  EXPECT_THAT(up.text, HasAll({"starts as trainer", "fleet/up"}));
+  EXPECT_FALSE(std::filesystem::exists(In("out")));
+}
+
 TEST_F(SecurityCommands, AnAuthorityIsMadeOnceAndNeededForTheRest) {
   const std::string key = ReadTextFile(folder_ / "fleet/ca/identity-ca.key").value_or("");
   EXPECT_EQ(Etude({"security", "init", In("fleet")}).exit_code, kExitUsage);

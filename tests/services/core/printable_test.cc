@@ -22,5 +22,12 @@ TEST(PrintableLines, KeepTheirEnds) {
   EXPECT_EQ(PrintableLines(""), "");
 }
 
+TEST(Trimmed, HasNoWhiteSpaceAroundIt) {
+  EXPECT_EQ(Trimmed(" \t a b\r\n"), "a b");
+  EXPECT_EQ(Trimmed("a"), "a");
+  EXPECT_EQ(Trimmed(" \n"), "");
+  EXPECT_EQ(Trimmed(""), "");
+}
+
 }  // namespace printable_test
 }  // namespace etude

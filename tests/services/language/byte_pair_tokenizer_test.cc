@@ -152,7 +152,6 @@ TEST(BytePairTokenizer, KnowsItsOwnIds) {
   const auto tokenizer = BytePairTokenizer::Parse(vocabulary, "#version: 0.2\n");
   ASSERT_THAT(tokenizer, IsOk());
   EXPECT_THAT(tokenizer->Encode("b B"), testing::ElementsAre(9, 7, 7, 3));
-  EXPECT_EQ(tokenizer->start_token(), 9);
   EXPECT_EQ(tokenizer->end_token(), 3);
   EXPECT_EQ(tokenizer->largest_id(), 9);
 }

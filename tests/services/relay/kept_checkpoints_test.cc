@@ -76,6 +76,23 @@ TEST(KeptCheckpoints, WhatIsNotOfTheRunIsNotKept) {
   EXPECT_EQ(Files(folder.path()).size(), KeptCheckpoints::kMostChannels + 2);
 }
 
+TEST(KeptCheckpoints, WhatIsForgottenIsGoneAndCountsNoMore) {
+  const TemporaryFolder folder;
+  const auto best = ExampleBlob(kId, "best", 11, 2);
+  {
+    auto kept = OpenOrDie(folder.path());
+    ASSERT_THAT(kept.Keep(ExampleBlob(kId, "latest", 12, 3)), IsOk());
+    ASSERT_THAT(kept.Keep(best), IsOk());
+    ASSERT_THAT(kept.Forget("latest"), IsOk());
+    EXPECT_THAT(kept.Forget("other"), IsOk());
+  }
+  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"kept.json", "kept.lock", "relayed-best-11.safetensors"}));
+  auto kept = OpenOrDie(folder.path());
+  EXPECT_FALSE(kept.channels().contains("latest"));
+  EXPECT_EQ(kept.Read("best").value(), best.bytes);
+  EXPECT_THAT(kept.Keep(ExampleBlob(kId, "latest", 5, 1)), IsOk());
+}
+
 TEST(KeptCheckpoints, AFolderIsOneRelays) {
   const TemporaryFolder folder;
   const auto kept = OpenOrDie(folder.path());

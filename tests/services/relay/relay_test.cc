@@ -201,6 +201,36 @@ TEST_F(RelayTest, SignaturesAreCheckedAndPassedOn) {
   ExpectSame(subscriber.Wait(20s).value(), is_signed);
 }
 
+// before, it was offered for ever, and kept every signed one of a lower version away
+TEST_F(RelayTest, WhatWasKeptUnsignedIsForgottenOnceSignaturesAreAskedFor) {
+  const Path key = folder_ / "signing.key", public_key = key.string() + ".pub";
+  ASSERT_THAT(security::MakeSigningKey(key), IsOk());
+  const auto forged = Blob("latest", kStart + 5);
+  {
+    auto relay = OpenRelay(peers_.a);
+    const auto run = Begin({forged});
+    ASSERT_TRUE(StepUntilKept(relay, forged.version));
+  }
+  auto is_signed = Blob("latest", kStart + 4);
+  is_signed.meta_json = security::CheckpointSigner::Open(key)
+                            .value()
+                            .Sign({run_.id, "latest", is_signed.version, is_signed.sha256}, is_signed.meta_json)
+                            .value();
+  auto relay = OpenRelay(peers_.a, "relay",
+                         bus::AcceptSigned(std::make_shared<security::CheckpointVerifier>(
+                             security::CheckpointVerifier::Open(public_key, folder_ / "relay.floor").value())));
+  EXPECT_EQ(Record().find("latest"), std::string::npos);
+  for (int i = 0; i < 5; ++i) relay.Step(kPatience);
+  EXPECT_THAT(relay.offered(), IsEmpty());
+  {
+    const auto run = Begin({is_signed});
+    ASSERT_TRUE(StepUntilKept(relay, is_signed.version));
+  }
+  ASSERT_TRUE(StepUntilOffered(relay, {"latest"}));
+  auto subscriber = Subscribe();
+  ExpectSame(subscriber.Wait(20s).value(), is_signed);
+}
+
 // before, with a full disk an old checkpoint was offered beside the run that had newer ones
 TEST_F(RelayTest, WhatCannotBeKeptNowShowsThatTheRunIsThere) {
   const auto old = Blob("latest", kStart + 1);

@@ -213,6 +213,22 @@ TEST_F(AuthorityTest, RefusesAlteredDocumentsAndForeignParts) {
   EXPECT_THAT(Refusal(path), HasSubstr("two authorities"));
 }
 
+// Renewed, and only cert.pem and key.pem copied: at the old end the library would end the participant without a word.
+TEST_F(AuthorityTest, RefusesPermissionsOfAnEarlierTerm) {
+  const Path path = IssueWorker("rack-1", -60, 3600).value();
+  const std::string before = ReadTextFile(path / "permissions.p7s").value();
+  ASSERT_TRUE(Revoke(folder_.path(), "rack-1"));
+  ASSERT_EQ(IssueWorker("rack-1", -60, 86400).value(), path);
+  EXPECT_EQ(Refusal(path), "");
+  ASSERT_TRUE(WriteFileAtomically(path / "permissions.p7s", std::string_view(before)));
+  EXPECT_THAT(Refusal(path), HasSubstr("permissions.p7s is not of this cert.pem (another name, or another end)"));
+
+  const Path other = IssueWorker("rack-2").value();
+  std::filesystem::copy_file(other / "permissions.p7s", path / "permissions.p7s",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_THAT(Refusal(path), HasSubstr("copy the whole folder again"));
+}
+
 TEST_F(AuthorityTest, ChildrenGetTheNeighbourOfTheirRole) {
   const Path worker = IssueWorker("worker").value();
   const auto up = Issue(folder_.path(), {.name = "up",

@@ -107,6 +107,13 @@ TEST_F(CheckpointSignatureTest, AFloorThatCannotBeReadIsNoneThatIsMissing) {
   EXPECT_FALSE(verifier.Check(Version(1), Sign(Version(1)))) << "a folder in its place";
 }
 
+// before, it began, and refused every checkpoint
+TEST_F(CheckpointSignatureTest, AFloorThatCannotBeWrittenIsRefusedAtTheStart) {
+  const auto opened = CheckpointVerifier::Open(key_.string() + ".pub", "/proc/nowhere/floor.json");
+  ASSERT_FALSE(opened);
+  EXPECT_THAT(opened.error().message, HasSubstr("/proc/nowhere"));
+}
+
 TEST_F(CheckpointSignatureTest, RefusesKeysThatOthersCanReadOrOverwrite) {
   std::filesystem::remove(key_.string() + ".pub");
   const auto again = MakeSigningKey(key_);

@@ -85,6 +85,7 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"camera.fovy_deg=1", "camera.fovy_deg: not in 1..170"},
                  {"camera.fovy_deg=170", "camera.fovy_deg: not in 1..170"},
                  {"camera.position=[0, 1]", "camera.position: three numbers"},
+                 {"camera.position=[0, 12, 8]", "camera.position: more than 11 m from the table"},
                  {"camera.euler=[0, 1, 2, 3]", "camera.euler: three numbers"},
                  {"randomization.yaw=-0.1", "randomization.yaw: -0.1 not in 0..3.2"},
                  {"randomization.yaw=3.3", "randomization.yaw: 3.3 not in 0..3.2"},

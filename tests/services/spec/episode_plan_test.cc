@@ -122,6 +122,34 @@ TEST(PlanEpisode, ObjectsAreOfDifferentClassesAndSharedByAGroup) {
   EXPECT_EQ(seen.size(), 30u) << "each has its turn";
 }
 
+// their rounds end together: each robot met ten of the tasks and never the others
+TEST(PlanEpisode, EveryRobotMeetsEveryTask) {
+  CampaignSpec spec;
+  spec.robots = {"ur5", "panda", "jaco2"};
+  spec.tasks = {"pick",
+                "push",
+                "put_down",
+                "rotate",
+                "place_left",
+                "place_right",
+                "place_front",
+                "place_behind",
+                "pick+obstacle",
+                "push+obstacle",
+                "rotate+obstacle",
+                "pick+others",
+                "push+others",
+                "put_down+obstacle",
+                "rotate+others"};
+  std::set<std::pair<std::string, std::string>> met;
+  for (std::uint64_t i = 0; i < 90; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    met.insert({plan.scene.robot, plan.task.text()});
+    EXPECT_EQ(plan.scene.robot, PlanEpisode(spec, i / kEpisodesPerScene * kEpisodesPerScene, 0).scene.robot) << i;
+  }
+  EXPECT_EQ(met.size(), 45u);
+}
+
 TEST(PlanEpisode, SeedsDifferByIndexAndAttempt) {
   const CampaignSpec spec;
 

@@ -5,7 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
+#include <map>
+#include <vector>
 
 #include "services/core/clock.h"
 #include "services/store/dataset.h"
@@ -28,38 +31,79 @@ void CommitTo(const Path& dataset, const std::vector<std::uint64_t>& indices) {
 
 std::string Journal(const Path& dataset) { return ReadTextFile(dataset / "commits.jsonl").value_or("none"); }
 
+// What the journal says, in the order of its lines.
+std::vector<CommitRow> LinesOf(const Path& dataset) {
+  std::vector<CommitRow> lines;
+  EXPECT_THAT(CommitTail(dataset).Refresh([] {}, [&](const CommitRow& row) { lines.push_back(row); }), IsOk());
+  return lines;
+}
+
+std::vector<std::uint64_t> IndicesOf(const std::vector<CommitRow>& lines) {
+  std::vector<std::uint64_t> indices;
+  for (const auto& row : lines) indices.push_back(row.index);
+  return indices;
+}
+
+// As whoever shows it keeps it: a line takes the place of the earlier one of its index.
+class Shown {
+ public:
+  explicit Shown(const Path& dataset) : tail_(dataset) {}
+  Result<bool> Refresh() {
+    return tail_.Refresh(
+        [this] {
+          ++resets;
+          rows.clear();
+        },
+        [this](const CommitRow& row) {
+          ++lines;
+          rows[row.index] = row;
+        });
+  }
+  std::vector<std::uint64_t> Indices() const {
+    std::vector<std::uint64_t> indices;
+    for (const auto& [index, row] : rows) indices.push_back(index);
+    return indices;
+  }
+
+  std::map<std::uint64_t, CommitRow> rows;
+  int resets = 0, lines = 0;
+
+ private:
+  CommitTail tail_;
+};
+
 TEST(CommitJournal, HasWhatTheFileSaysAndWhoMadeIt) {
   const TemporaryFolder folder;
   const double before = WallSeconds();
   CommitTo(folder.path(), {3, 1});
 
-  CommitTable table(folder.path());
-  ASSERT_THAT(table.Refresh(), IsOk());
+  const auto lines = LinesOf(folder.path());
 
-  EXPECT_THAT(table.index(), testing::ElementsAre(3, 1)) << "in the order of the commits";
-  const std::size_t row = table.RowOfIndex(1);
-  ASSERT_EQ(row, 1u);
+  ASSERT_THAT(IndicesOf(lines), testing::ElementsAre(3, 1)) << "in the order of the commits";
+  const CommitRow& row = lines[1];
   const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 1);
-  EXPECT_EQ(table.bytes()[row], std::filesystem::file_size(EpisodePath(folder.path(), 1)));
-  EXPECT_EQ(table.steps()[row], 50u);
-  EXPECT_EQ(table.frames()[row], 10u);
-  EXPECT_NEAR(table.t()[row], before, 60);
-  EXPECT_EQ(table.task().At(row), episode.task);
-  EXPECT_EQ(table.target().At(row), episode.target);
-  EXPECT_EQ(table.robot().At(row), episode.robot);
-  EXPECT_EQ(table.instruction().At(row), episode.instruction);
-  EXPECT_EQ(table.outcome().At(row), "success");
-  EXPECT_EQ(table.worker().At(row), "lab-7-w0");
-  EXPECT_EQ(table.host().words(), std::vector<std::string>{"lab-7"});
-  EXPECT_EQ(table.fingerprint().words(), std::vector<std::string>{"0123456789ab"});
-  EXPECT_EQ(table.timings()[row], kFacts.timings);
-  EXPECT_GT(table.path_m()[row], 0);
-  EXPECT_GT(table.jerk()[row], 0);
+  EXPECT_EQ(row.bytes, std::filesystem::file_size(EpisodePath(folder.path(), 1)));
+  EXPECT_EQ(row.steps, 50u);
+  EXPECT_EQ(row.frames, 10u);
+  EXPECT_NEAR(row.t, before, 60);
+  EXPECT_EQ(row.task, episode.task);
+  EXPECT_EQ(row.target, episode.target);
+  EXPECT_EQ(row.robot, episode.robot);
+  EXPECT_EQ(row.instruction, episode.instruction);
+  EXPECT_EQ(row.outcome, "success");
+  for (const auto& line : lines) {
+    EXPECT_EQ(line.facts.worker, "lab-7-w0");
+    EXPECT_EQ(line.facts.host, "lab-7");
+    EXPECT_EQ(line.facts.fingerprint, "0123456789ab");
+  }
+  EXPECT_EQ(row.facts.timings, kFacts.timings);
+  EXPECT_GT(row.path_m, 0);
+  EXPECT_GT(row.jerk, 0);
   const CommitRow said = RowOf(episode, 0, 0);
   ASSERT_TRUE(said.place_m);
-  ASSERT_TRUE(table.Row(row).place_m);
-  EXPECT_NEAR(table.Row(row).place_m->at(1), said.place_m->at(1), 1e-6);
-  EXPECT_NEAR(table.Row(row).joint_speed, said.joint_speed, 1e-6);
+  ASSERT_TRUE(row.place_m);
+  EXPECT_NEAR(row.place_m->at(1), said.place_m->at(1), 1e-6);
+  EXPECT_NEAR(row.joint_speed, said.joint_speed, 1e-6);
 }
 
 TEST(CommitJournal, NothingOfItEntersTheEpisode) {
@@ -96,7 +140,7 @@ TEST(CommitJournal, MeasuresTheHand) {
 TEST(CommitJournal, IsMadeAgainFromTheFilesWhenItIsGone) {
   const TemporaryFolder folder;
   CommitTo(folder.path(), {0, 1, 2});
-  CommitTable before(folder.path());
+  Shown before(folder.path());
   ASSERT_THAT(before.Refresh(), IsOk());
   std::filesystem::remove(folder / "commits.jsonl");
 
@@ -104,11 +148,12 @@ TEST(CommitJournal, IsMadeAgainFromTheFilesWhenItIsGone) {
   ASSERT_THAT(writer, IsOk());
   ASSERT_THAT(writer->WriteMaster(), IsOk());
 
-  CommitTable after(folder.path());
+  Shown after(folder.path());
   ASSERT_THAT(after.Refresh(), IsOk());
-  ASSERT_EQ(after.size(), 3u);
+  ASSERT_THAT(before.Indices(), testing::ElementsAre(0, 1, 2));
+  ASSERT_THAT(after.Indices(), testing::ElementsAre(0, 1, 2));
   for (std::uint64_t index = 0; index < 3; ++index) {
-    CommitRow was = before.Row(before.RowOfIndex(index)), is = after.Row(after.RowOfIndex(index));
+    CommitRow was = before.rows.at(index), is = after.rows.at(index);
     EXPECT_NEAR(is.t, was.t, 60) << "of the file";
     EXPECT_EQ(is.facts.worker, "") << "the files do not say who made them";
     is.t = was.t;
@@ -128,10 +173,8 @@ TEST(CommitJournal, DropsWhatIsTornDoubledOrOfAFileThatIsNotThere) {
 
   CommitTo(folder.path(), {3});
 
-  CommitTable table(folder.path());
-  ASSERT_THAT(table.Refresh(), IsOk());
-  EXPECT_THAT(table.index(), testing::ElementsAre(0, 1, 3));
-  EXPECT_EQ(table.unread_lines(), 0u);
+  EXPECT_THAT(IndicesOf(LinesOf(folder.path())), testing::ElementsAre(0, 1, 3));
+  EXPECT_EQ(std::ranges::count(Journal(folder.path()), '\n'), 3) << "nothing that is not understood is left";
 }
 
 TEST(CommitJournal, ALineOfAnotherFileOfTheSameIndexDoesNotStand) {
@@ -144,10 +187,9 @@ TEST(CommitJournal, ALineOfAnotherFileOfTheSameIndexDoesNotStand) {
   EXPECT_EQ(Journal(folder.path()), "");
   ASSERT_THAT(writer->WriteMaster(), IsOk());
 
-  CommitTable table(folder.path());
-  ASSERT_THAT(table.Refresh(), IsOk());
-  ASSERT_EQ(table.size(), 1u);
-  EXPECT_EQ(table.bytes()[0], std::filesystem::file_size(EpisodePath(folder.path(), 0)));
+  const auto lines = LinesOf(folder.path());
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].bytes, std::filesystem::file_size(EpisodePath(folder.path(), 0)));
 }
 
 TEST(CommitJournal, ALineOfAnOlderProgramHasNoPlace) {
@@ -159,68 +201,75 @@ TEST(CommitJournal, ALineOfAnOlderProgramHasNoPlace) {
   EXPECT_THAT(ParseCommitLine(R"({"index": 3, "place_m": [1]})"), HasCode(Code::kCorrupt));
 }
 
-TEST(CommitTable, FollowsAJournalThatGrows) {
+TEST(CommitTail, FollowsAJournalThatGrows) {
   const TemporaryFolder folder;
-  CommitTable table(folder.path());
-  EXPECT_FALSE(*table.Refresh()) << "no file, no rows";
+  Shown shown(folder.path());
+  EXPECT_FALSE(*shown.Refresh()) << "no file, no lines";
   CommitTo(folder.path(), {0});
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_FALSE(*table.Refresh());
-  const auto generation = table.generation();
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_FALSE(*shown.Refresh());
+  const int resets = shown.resets;
 
   CommitRow row;
   row.index = 7;
   const std::string line = LineOf(row);
   std::ofstream(folder / "commits.jsonl", std::ios::app) << line.substr(0, 20) << std::flush;
-  EXPECT_FALSE(*table.Refresh()) << "half a line waits";
+  EXPECT_FALSE(*shown.Refresh()) << "half a line waits";
   std::ofstream(folder / "commits.jsonl", std::ios::app) << line.substr(20) << "\n";
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_THAT(table.index(), testing::ElementsAre(0, 7));
-  EXPECT_EQ(table.generation(), generation);
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_THAT(shown.Indices(), testing::ElementsAre(0, 7));
+  EXPECT_EQ(shown.lines, 2) << "each once";
 
-  // the same index again takes the first one's place
+  // the same index again: the later one counts
   row.attempt = 2;
   std::ofstream(folder / "commits.jsonl", std::ios::app) << LineOf(row) << "\n";
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_THAT(table.index(), testing::ElementsAre(0, 7));
-  EXPECT_EQ(table.attempt()[1], 2u);
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_THAT(shown.Indices(), testing::ElementsAre(0, 7));
+  EXPECT_EQ(shown.rows.at(7).attempt, 2u);
+  EXPECT_EQ(shown.lines, 3);
+  EXPECT_EQ(shown.resets, resets);
 
   ASSERT_THAT(WriteFileAtomically(folder / "commits.jsonl", LineOf(row) + "\n"), IsOk());
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_THAT(table.index(), testing::ElementsAre(7));
-  EXPECT_GT(table.generation(), generation);
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_THAT(shown.Indices(), testing::ElementsAre(7));
+  EXPECT_EQ(shown.resets, resets + 1);
 
   // made anew in the same place, and longer already
   CommitRow other;
   std::string lines;
   for (other.index = 20; other.index < 23; ++other.index) lines += LineOf(other) + "\n";
   std::ofstream(folder / "commits.jsonl", std::ios::trunc) << lines << std::flush;
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_THAT(table.index(), testing::ElementsAre(20, 21, 22));
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_THAT(shown.Indices(), testing::ElementsAre(20, 21, 22));
+  EXPECT_EQ(shown.resets, resets + 2);
 
   std::filesystem::remove(folder / "commits.jsonl");
-  EXPECT_TRUE(*table.Refresh());
-  EXPECT_EQ(table.size(), 0u);
+  EXPECT_TRUE(*shown.Refresh());
+  EXPECT_TRUE(shown.rows.empty());
+  EXPECT_FALSE(*shown.Refresh()) << "it has gone already";
 }
 
-TEST(CommitTable, ItsMemoryHasABoundWhateverTheFileHolds) {
+TEST(CommitTail, WhatALineHoldsHasABoundWhoeverWroteTheFile) {
   const TemporaryFolder folder;
   std::ofstream file(folder / "commits.jsonl");
   CommitRow row;
-  row.instruction = std::string(2 * WordColumn::kLongestWord, 'x');
+  row.instruction = std::string(2 * CommitTail::kLongestText, 'x');
+  row.target = std::string(CommitTail::kLongestText, 't');
   for (row.index = 0; row.index < 5; ++row.index) file << LineOf(row) << "\n";
   file << std::string(1 << 20, '[') << "\n"
        << "{\"index\": -1}\n"
        << "{\"index\": 1, \"t\": \"now\"}\n"
-       << "[1]\n";
+       << "[1]\n"
+       << LineOf(row) << "\n";
   file.close();
 
-  CommitTable table(folder.path(), 3);
-  ASSERT_THAT(table.Refresh(), IsOk());
+  const auto lines = LinesOf(folder.path());
 
-  EXPECT_EQ(table.size(), 3u);
-  EXPECT_EQ(table.unread_lines(), 2u + 4u);
-  EXPECT_EQ(table.instruction().words(), std::vector<std::string>{"…"});
+  EXPECT_THAT(IndicesOf(lines), testing::ElementsAre(0, 1, 2, 3, 4, 5)) << "what is not understood is passed over";
+  for (const auto& line : lines) {
+    EXPECT_EQ(line.instruction, "…");
+    EXPECT_EQ(line.target, row.target);
+  }
 }
 
 TEST(CommitLine, KeysThatAreMissingKeepTheirDefaults) {

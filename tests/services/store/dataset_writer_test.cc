@@ -13,6 +13,7 @@
 #include "services/spec/episode_plan.h"
 #include "services/store/attempts.h"
 #include "services/store/dataset.h"
+#include "services/store/edit.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/synthetic_episode.h"
@@ -398,15 +399,25 @@ TEST(DatasetWriter, EpisodesOnADiskThatIsAwayAreNotNone) {
     auto writer = DatasetWriter::Open(data, spec);
     ASSERT_THAT(writer, IsOk());
     ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec, 0, 10)), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
   }
   const std::string journal = *ReadTextFile(data / "commits.jsonl");
   std::filesystem::rename(data / "episodes", folder / "away");
+  std::filesystem::create_directory(data / "episodes");  // a mount point without its disk
+  EXPECT_THAT(DatasetWriter::Open(data, spec), MessageHas("is the disk of"));
+  EXPECT_EQ(*ReadTextFile(data / "commits.jsonl"), journal);
+  std::filesystem::remove(data / "episodes");
   std::filesystem::create_directory_symlink(folder / "disk", data / "episodes");
 
   EXPECT_THAT(DatasetWriter::Open(data, spec), HasCode(Code::kUnavailable));
   EXPECT_THAT(Verify(data, Quarantine::kYes), HasCode(Code::kUnavailable));
 
   EXPECT_EQ(*ReadTextFile(data / "commits.jsonl"), journal);
+
+  std::filesystem::remove(data / "episodes");
+  std::filesystem::rename(folder / "away", data / "episodes");
+  ASSERT_THAT(DeleteEpisodes(data, {0}), IsOk());
+  EXPECT_THAT(DatasetWriter::Open(data, spec), IsOk()) << "removed on purpose";
 }
 
 }  // namespace dataset_writer_test

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -86,6 +87,8 @@ TEST_F(Edit, CopiesEpisodesWithTheirBytesAndWhatIsSaidOfThem) {
   const std::string attempts = *ReadTextFile(folder_ / "some/attempts.jsonl");
   EXPECT_THAT(attempts, testing::HasSubstr("\"index\":2"));
   EXPECT_THAT(attempts, testing::Not(testing::HasSubstr("\"index\":5")));
+  const std::string commits = *ReadTextFile(folder_ / "some/commits.jsonl");
+  EXPECT_EQ(std::ranges::count(commits, '\n'), 2) << "who made each, and nothing has to be read for it: " << commits;
   EXPECT_THAT(CopyEpisodes(data_, {1}, folder_ / "some", Leftover::kRefuse), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(CopyEpisodes(data_, {}, folder_ / "other", Leftover::kRefuse), MessageHas("no episode"));
 

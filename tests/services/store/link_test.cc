@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <map>
+
 #include "services/spec/content_version.h"
 #include "services/store/commit_journal.h"
 #include "services/store/edit.h"
@@ -111,11 +113,12 @@ TEST_F(Link, KnowsWhoMadeEachEpisodeAndWhatFailed) {
   }
   ASSERT_THAT(LinkDatasets({a, b}, out_, Leftover::kRefuse), IsOk());
 
-  CommitTable commits(out_);
-  ASSERT_THAT(commits.Refresh(), IsOk());
-  ASSERT_EQ(commits.size(), 3u);
-  EXPECT_EQ(commits.host().At(commits.RowOfIndex(2)), "a");
-  EXPECT_EQ(commits.host().At(commits.RowOfIndex(1)), "b");
+  std::map<std::uint64_t, std::string> hosts;
+  ASSERT_THAT(CommitTail(out_).Refresh([] {}, [&](const CommitRow& row) { hosts[row.index] = row.facts.host; }),
+              IsOk());
+  ASSERT_EQ(hosts.size(), 3u);
+  EXPECT_EQ(hosts.at(2), "a");
+  EXPECT_EQ(hosts.at(1), "b");
   const std::string attempts = *ReadTextFile(out_ / "attempts.jsonl");
   EXPECT_THAT(attempts, HasSubstr("slip"));
   EXPECT_THAT(attempts, HasSubstr("dropped"));

@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "tests/support/matchers.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -51,6 +53,15 @@ TEST(GraphPicture, DrawsABoxAPartAndAnArrowAReading) {
   EXPECT_EQ(CountOf(svg, "stroke-width=\"2.5\""), attended);
   EXPECT_EQ(CountOf(svg, "<svg"), 1u);
   EXPECT_EQ(CountOf(svg, "</svg>"), 1u);
+}
+
+TEST(GraphPicture, AttentionThatWeighsNothingIsNotSupervised) {
+  Metadata metadata = Example();
+  const std::size_t supervised = CountOf(GraphSvg(metadata), "stroke-width=\"2.5\"");
+  auto& disp = *std::ranges::find(metadata.policy.modules, "DISP", &policy::ModuleConfig::name);
+  ASSERT_GT(disp.attend.size(), 0u);
+  disp.attend_weight = 0;
+  EXPECT_EQ(CountOf(GraphSvg(metadata), "stroke-width=\"2.5\""), supervised - disp.attend.size());
 }
 
 TEST(GraphPicture, OfAFileSaysNothingOfTraining) {

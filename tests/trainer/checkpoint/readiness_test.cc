@@ -12,6 +12,7 @@ namespace readiness_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 Metadata Trained() {
   Metadata metadata;
@@ -90,6 +91,35 @@ TEST(CheckTrained, LooksAtTheControlPathOnly) {
   control->decoder.inputs = {"register"};
   metadata.modules["TAR3D"] = {};
   EXPECT_EQ(WhyUntrained(metadata), "");
+}
+
+TEST(NotBegun, AreModulesThatCountNoStepAndWereNeverMeasured) {
+  auto metadata = Trained();
+  EXPECT_THAT(NotBegun(metadata.policy, metadata.modules), IsEmpty());
+
+  metadata.modules["CTRL"] = {};
+  metadata.modules.erase("TAR2D");
+  EXPECT_THAT(NotBegun(metadata.policy, metadata.modules), ElementsAre("CTRL", "TAR2D"));
+
+  // its level was in training, or nobody would have measured it
+  metadata.modules["CTRL"].error = 0.5;
+  EXPECT_THAT(NotBegun(metadata.policy, metadata.modules), ElementsAre("TAR2D"));
+}
+
+TEST(NotBegun, NothingIsAskedOfAModuleWithoutALoss) {
+  auto metadata = Trained();
+  for (const char* module : {"TAR2D", "DISP"}) {
+    policy::FindModule(metadata.policy, module)->decoder.quantity.clear();
+    metadata.modules[module] = {};
+  }
+  EXPECT_THAT(NotBegun(metadata.policy, metadata.modules), ElementsAre("TAR2D")) << "it is told where to look";
+}
+
+TEST(NotBegun, IsNotKnownWhereNoStepsAreCounted) {
+  auto metadata = Trained();
+  for (auto& [module, record] : metadata.modules) record = {};
+  EXPECT_THAT(NotBegun(metadata.policy, metadata.modules), IsEmpty());
+  EXPECT_THAT(NotBegun(metadata.policy, {}), IsEmpty());
 }
 
 }  // namespace readiness_test

@@ -196,6 +196,19 @@ TEST_F(SurgeryTest, RefusesEncodersThatAreOthersUnlessTheyBeginAnew) {
     EXPECT_THAT(surgery.error().message, HasSubstr(part)) << "it is a matter of every part";
 }
 
+TEST_F(SurgeryTest, TakesEncodersWhateverModulesHeadsAndActivationsAre) {
+  PolicyConfig config = policy::TinyConfig();
+  config.heads = 4;
+  EXPECT_TRUE(Do(config, {.copy = {"image", "language", "joints"}}));
+  const auto module = Do(config, {.copy = {"image", "EE2D"}});
+  ASSERT_FALSE(module);
+  EXPECT_THAT(module.error().message, HasSubstr("EE2D: heads is 2 there, 4 here"));
+  config = policy::TinyConfig();
+  config.activation = "relu";
+  EXPECT_TRUE(Do(config, {.copy = {"image"}}));
+  EXPECT_FALSE(Do(config, {.copy = {"joints"}}));
+}
+
 TEST_F(SurgeryTest, RefusesAModuleThatReadLessNow) {
   PolicyConfig config = policy::TinyConfig();
   FindModule(config, "CTRL")->decoder.inputs = {"register", "language"};

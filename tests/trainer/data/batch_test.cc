@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <set>
 
@@ -328,6 +329,33 @@ TEST_F(BatchTest, RefusesACropThatDoesNotFitThePicture) {
 
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, Code::kInvalidArgument);
+}
+
+TEST_F(BatchTest, IsOfThePicturesThatCanBeRead) {
+  DataConfig config;
+  config.cache_mb = 0;
+  const BatchMaker maker = Maker(config);
+  const auto snapshot = dataset_->snapshot();
+  auto samples = DrawBatch(*snapshot, Split::kTrain, 7, 0, 16);
+  const auto gone = samples.front().frame.episode;
+  const auto is_gone = [gone](const Sample& sample) { return sample.frame.episode == gone; };
+  const auto lost = std::ranges::count_if(samples, is_gone);
+  ASSERT_LT(lost, 16);
+  std::ptrdiff_t told = 0;
+  const auto count = [&told](const Error&) { ++told; };
+  Batch batch;
+  FrameScratch scratch;
+
+  std::filesystem::remove(snapshot->episodes()[gone]->record.path);
+  const Status some = MakeReadable(maker, *snapshot, 0, Augment::kNo, samples, scratch, batch, count);
+  ASSERT_TRUE(some) << some.error().message;
+  EXPECT_EQ(told, lost);
+  EXPECT_TRUE(std::ranges::none_of(samples, is_gone));
+  EXPECT_EQ(batch.frames.size(), samples.size());
+
+  for (const auto& entry : snapshot->episodes()) std::filesystem::remove(entry->record.path);
+  EXPECT_FALSE(MakeReadable(maker, *snapshot, 0, Augment::kNo, samples, scratch, batch));
+  EXPECT_TRUE(samples.empty());
 }
 
 TEST(DataConfig, NamesEveryProblem) {

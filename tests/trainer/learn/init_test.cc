@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests trainer/learn: runs that begin with a checkpoint
+// Tests trainer/learn/begin.cc and runs that begin with a checkpoint
 #include <fmt/ranges.h>
 #include <gmock/gmock.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests trainer/learn/keep.cc and trainer/learn/build.cc
+// Tests trainer/learn/keep.cc, build.cc, build_data.cc and begin.cc
 #include "trainer/learn/keep.h"
 
 #include <gmock/gmock.h>

@@ -129,6 +129,12 @@ TEST(PolicyConfig, RefusesAttentionToWhatIsNotRead) {
   EXPECT_THAT(Problems(config), HasSubstr("modules.LANG.attend: unknown key 'image'"));
 }
 
+TEST(PolicyConfig, RefusesAKeyThatIsAttendedToTwice) {
+  PolicyConfig config = Preset("compact");
+  Module(config, "DISP").attend = {"EE3D", "EE3D"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.attend: a key stands twice"));
+}
+
 TEST(PolicyConfig, RefusesNamesThatMeanSomethingElse) {
   PolicyConfig config = Preset("compact");
   Module(config, "LANG").name = "image";

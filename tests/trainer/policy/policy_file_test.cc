@@ -24,13 +24,22 @@ class PolicyFile : public testing::Test {
 TEST_F(PolicyFile, ExtendsTheOneBesideIt) {
   Write("base.yaml", "{width: 1}");
   Write("tiny/base.yaml", "{name: tiny, width: 8, modules: [{name: A}]}");
-  Write("tiny/more.yaml", "{extends: base, name: tiny/more, modules: [{name: B}]}");
+  Write("tiny/more.yaml", "{extends: base, name: tiny/more, modules: [{name: B, level: 1}]}");
   Write("tiny/most.yaml", "{extends: more, width: 9}");
 
   const auto most = ReadPolicyMap("tiny/most", {folder_ / ""});
 
   ASSERT_TRUE(most) << most.error().message;
-  EXPECT_EQ(*most, ParseYaml("{name: tiny/more, width: 9, modules: [{name: A}, {name: B}]}", "test").value());
+  EXPECT_EQ(*most, ParseYaml("{name: tiny/more, width: 9, modules: [{name: A}, {name: B, level: 1}]}", "test").value());
+}
+
+// each would train for hours what nobody meant
+TEST_F(PolicyFile, AModuleThatIsNotThereAndOneThatStandsTwiceAreRefused) {
+  Write("base.yaml", "{modules: [{name: TAR3D, level: 3}]}");
+  Write("typo.yaml", "{extends: base, modules: [{name: TAR3d, decoder: {readout: ray}}]}");
+  Write("twice.yaml", "{extends: base, modules: [{name: A, level: 1}, {name: A, level: 1}]}");
+  EXPECT_THAT(ReadPolicyMap("typo", {folder_ / ""}).error().message, HasSubstr("did you mean 'TAR3D'"));
+  EXPECT_THAT(ReadPolicyMap("twice", {folder_ / ""}).error().message, HasSubstr("'A' stands twice"));
 }
 
 TEST_F(PolicyFile, MaySayTheLanguageInAWord) {

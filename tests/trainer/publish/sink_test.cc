@@ -172,5 +172,17 @@ TEST(SetCheckpointsAside, LeavesANewRunNoneOfAnotherOnes) {
   EXPECT_EQ(ReadTextFile(folder / "checkpoints.before-2/00000100.safetensors").value(), "second");
 }
 
+TEST(SetCheckpointsAside, NotWhatTheRunBeginsWith) {
+  const TemporaryFolder folder;
+  const Path own = folder / "checkpoints/00000100.safetensors", elsewhere = folder / "other/00000100.safetensors";
+  for (const Path& path : {own, elsewhere}) ASSERT_TRUE(WriteFileAtomically(path, "first"));
+  const Status refused = SetCheckpointsAside(folder.path(), own);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kInvalidArgument);
+  EXPECT_TRUE(std::filesystem::exists(own));
+  EXPECT_TRUE(SetCheckpointsAside(folder.path(), elsewhere));
+  EXPECT_FALSE(std::filesystem::exists(own));
+}
+
 }  // namespace sink_test
 }  // namespace etude::publish

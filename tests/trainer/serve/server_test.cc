@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests trainer/serve/server.cc: published, subscribed, swapped and answered over real DDS.
+// Tests trainer/serve/server.cc, server_checkpoints.cc and server_desk.cc: published, subscribed, swapped and answered
+// over real DDS.
 #include "trainer/serve/server.h"
 
 #include <gtest/gtest.h>

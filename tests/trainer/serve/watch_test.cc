@@ -11,6 +11,17 @@ namespace watch_test {
 
 using ::testing::HasSubstr;
 
+// another robot's observation may be one that this policy does not answer; the others' go on
+TEST(Watch, EndsAtWhatIsWrongWithTheWishOrItsOnlySession) {
+  bus::Insight odd;
+  odd.session = "insight-x";
+  odd.error = "this policy was trained for something else (robot: ur5 here, panda there)";
+  EXPECT_FALSE(EndsTheWatch(odd, {}));
+  EXPECT_TRUE(EndsTheWatch(odd, {.session = "insight-x"}));
+  odd.error = "what if: unknown key 'hid'";
+  EXPECT_TRUE(EndsTheWatch(odd, {}));
+}
+
 TEST(Watch, MakesAWishOfItsOptions) {
   const auto what_if = WhatIfOf(
       {.sentence = "push it", .hide = {"1,2,3,4"}, .say = {"TAR3D.position=[0.1, 0.2, 0.3]", "LANG.class=coke"}});

@@ -16,10 +16,12 @@ TEST(Messages, CampaignsAndWorkArriveAsTheyWere) {
   campaign::JoinedCampaign joined{"ab12", {}, "run@cd"};
   joined.spec.name = "mixed";
   joined.spec.seed = 0xffffffffffffffff;
+  joined.fingerprint = {{"libm", "cd34"}};
   const auto arrived = CampaignOf(Travelled(CampaignHead(joined)));
   ASSERT_TRUE(arrived) << arrived.error().message;
   EXPECT_EQ(arrived->id, "ab12");
   EXPECT_EQ(arrived->policy, "run@cd");
+  EXPECT_EQ(arrived->fingerprint, joined.fingerprint);
   EXPECT_EQ(SpecHash(arrived->spec), SpecHash(joined.spec));
 
   const auto item = WorkOf(Travelled(WorkHead({.index = 1ull << 60, .attempt = 7})), joined.spec);

@@ -8,7 +8,9 @@
 #include "services/core/clock.h"
 #include "services/core/file.h"
 #include "services/core/share.h"
+#include "services/spec/attempt_outcome.h"
 #include "services/spec/task_name.h"
+#include "tests/support/programs_folder.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::host {
@@ -43,11 +45,11 @@ class SlotTest : public testing::Test {
     const auto before = slot_.pid();
     const auto lost = Do(index);
     ASSERT_TRUE(lost) << lost.error().message;
-    EXPECT_EQ(lost->outcome, campaign::kReleased) << "the attempt is anybody's again";
+    EXPECT_EQ(lost->outcome, kReleased) << "the attempt is anybody's again";
     EXPECT_TRUE(lost->episode.empty());
     const auto details = OrderedJson::parse(lost->details_json);
     EXPECT_EQ(details["reason"], reason);
-    EXPECT_EQ(details[campaign::kByAttempt], by_attempt);
+    EXPECT_EQ(details[kByAttempt], by_attempt);
     EXPECT_THAT(details["ended_by"].get<std::string>(), HasSubstr(ended_by));
     last_words_ = details["last_words"].get<std::string>();
     const auto made = Do(index);
@@ -75,17 +77,17 @@ TEST_F(SlotTest, MakesResultsAndTellsOfProgress) {
 }
 
 TEST_F(SlotTest, ReplacesAChildThatCrashesAndKeepsItsLastWords) {
-  ExpectReplaced(1, campaign::kChildCrashed, "SIGSEGV");
+  ExpectReplaced(1, kChildCrashed, "SIGSEGV");
   EXPECT_THAT(last_words_, HasSubstr("out of luck"));
 }
 
 TEST_F(SlotTest, ReplacesAChildThatHangs) {
   const Stopwatch watch;
-  ExpectReplaced(2, campaign::kChildHung, "without a word");
+  ExpectReplaced(2, kChildHung, "without a word");
   EXPECT_LT(watch.Seconds(), 60);
 }
 
-TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campaign::kChildHung, "without progress"); }
+TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, kChildHung, "without progress"); }
 
 // A campaign may be more patient than a host.
 TEST_F(SlotTest, IsAsPatientAsItsCampaign) {
@@ -102,7 +104,17 @@ TEST_F(SlotTest, IsAsPatientAsItsCampaign) {
   EXPECT_THAT(lost->details_json, HasSubstr("SIGKILL after 2.7 s"));
 }
 
-TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame", false); }
+// Libraries were replaced while the host ran: what a new child makes is not what its host said that it makes.
+TEST_F(SlotTest, AChildThatMakesOtherBytesThanItsHostSaidDoesNotWork) {
+  Slot real({.argv = {(ProgramsFolder() / "etude-worker").string(), "--child"}, .name = "s2"});
+  campaign::JoinedCampaign joined{"ab", {}, ""};
+  joined.fingerprint = {{"libm", "other"}};
+  const Status begun = real.Begin(joined);
+  ASSERT_FALSE(begun);
+  EXPECT_THAT(begun.error().message, HasSubstr("start the worker again"));
+}
+
+TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, kChildCrashed, "frame", false); }
 
 class TaskFileTest : public SlotTest {
  protected:
@@ -161,7 +173,7 @@ TEST_F(SlotTest, GivesUpWhenChildrenDieWithoutOneResult) {
   for (int k = 0; k < 5; ++k) {
     const auto lost = Do(6);
     ASSERT_TRUE(lost) << k << lost.error().message;
-    EXPECT_EQ(lost->outcome, campaign::kReleased);
+    EXPECT_EQ(lost->outcome, kReleased);
   }
   const auto given_up = Do(6);
   ASSERT_FALSE(given_up);

@@ -197,6 +197,19 @@ TEST(ImportObject, TurnsRoundWhatIsWoundInwards) {
   EXPECT_NEAR(object->facts.mass_kg, 1000 * 0.06 * 0.06 * 0.06 / 6, 1e-4);
 }
 
+TEST(ImportObject, TurnsRoundAScanWithAHole) {
+  const TemporaryFolder folder;
+  std::string open = kTetrahedronPly;
+  for (const auto& [face, turned] : {std::pair{"3 0 1 3", "3 0 3 1"}, {"3 0 3 2", "3 0 2 3"}, {"3 1 2 3", "3 1 3 2"}})
+    open.replace(open.find(face, open.find("0 0 1\n3")), 7, turned);
+  open.replace(open.find("element face 4"), 14, "element face 3");
+  open.erase(open.find("3 0 2 1", open.find("0 0 1\n3")), 8);
+  ASSERT_THAT(WriteFileAtomically(folder.path() / "t.ply", open), IsOk());
+  const auto object = ImportObject(folder.path() / "t.ply", {.name = "wedge", .size_m = 0.06, .density = 1000});
+  ASSERT_THAT(object, IsOk());
+  EXPECT_GT(Integrate(object->visual).mass, 0);
+}
+
 TEST(PictureFile, ReadsWhatItWrites) {
   const TemporaryFolder folder;
   const Picture drawn = Draw("donut", 2).value();

@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <opencv2/imgcodecs.hpp>
+
 #include "tests/support/matchers.h"
 
 namespace etude::synthesis {
@@ -17,6 +19,20 @@ TEST(DecodePicture, ReadsWhatWasEncoded) {
   ASSERT_THAT(read, IsOk());
   EXPECT_EQ(read->width, texture.width);
   EXPECT_EQ(read->rgb, texture.rgb);
+}
+
+// a photograph that was taken upright: its stored pixels are what texture coordinates mean
+TEST(DecodePicture, IsNotTurnedAsACameraWasHeld) {
+  std::vector<std::uint8_t> bytes;
+  ASSERT_TRUE(cv::imencode(".jpg", cv::Mat(16, 32, CV_8UC3, cv::Scalar(9, 9, 9)), bytes));
+  const std::vector<std::uint8_t> turned{0xff, 0xe1, 0x00, 0x22, 'E',  'x',  'i',  'f',  0x00, 0x00, 'M',  'M',
+                                         0x00, 0x2a, 0x00, 0x00, 0x00, 0x08, 0x00, 0x01, 0x01, 0x12, 0x00, 0x03,
+                                         0x00, 0x00, 0x00, 0x01, 0x00, 0x06, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00};
+  bytes.insert(bytes.begin() + 2, turned.begin(), turned.end());
+  const auto read = DecodePicture(bytes, "photo.jpg");
+  ASSERT_THAT(read, IsOk());
+  EXPECT_EQ(read->width, 32);
+  EXPECT_EQ(read->height, 16);
 }
 
 TEST(DecodePicture, WhatIsNoPictureIsAnError) {

@@ -3,10 +3,14 @@
 
 #include <gmock/gmock.h>
 
+#include <filesystem>
 #include <set>
 
 #include "services/episode/codec.h"
+#include "tests/support/matchers.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/support/sketch_robot.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::task {
 namespace attempt_test {
@@ -194,6 +198,19 @@ TEST(Attempt, RefusesABadSpec) {
   const auto runner = AttemptRunner::Open(spec);
   ASSERT_FALSE(runner.has_value());
   EXPECT_EQ(runner.error().code, Code::kInvalidArgument);
+}
+
+// before, every draw ended without the object, and so did every attempt
+TEST(Attempt, RefusesAStartRuleAboutTheBallThatIsPlacedAfterTheObjects) {
+  const TemporaryFolder folder;
+  const std::string mine = (folder / "roll.yaml").string();
+  std::filesystem::copy_file("deploy/tasks/push.yaml", mine);
+  ReplaceInFile(mine, "start:\n", "start:\n  not_already: {risen: {object: basketball}}\n");
+  const std::string task = mine + "+obstacle";
+  const auto runner = AttemptRunner::Open(QuickSpec(task));
+  EXPECT_THAT(runner, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(runner, MessageHas("task '" + task +
+                                 "': start.not_already speaks of the basketball, which is placed after the objects"));
 }
 
 TEST(Show, SetsTheSceneThatTheDemonstrationStartsFrom) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests worker/task/play_session.cc in real scenes, with scripted policies.
+// Tests worker/task/play_session.cc, play_moves.cc, play_home.cc and play_scene.cc in real scenes, with scripted
+// policies.
 #include "worker/task/play_session.h"
 
 #include <gmock/gmock.h>
@@ -358,6 +359,16 @@ TEST(PlaySession, HidesAndShowsAndResets) {
   ASSERT_TRUE(session->Hide("bread"));
   ASSERT_TRUE(session->Reset());
   EXPECT_EQ(PictureOf(*session), first) << "the same bytes";
+}
+
+// before, it stood in the middle of that camera's picture
+TEST(PlaySession, HidesBehindACameraThatLooksTheOtherWay) {
+  CampaignSpec spec = SpecOf(kTask);
+  spec.camera.position = {0, -1.2, 1.0};
+  spec.camera.euler = {1.0, 0, 0};
+  auto session = Open(spec);
+  ASSERT_TRUE(session->Hide("milk"));
+  EXPECT_LT(Place(*session, "milk").y(), -2) << "behind the camera";
 }
 
 TEST(PlaySession, OutlivesAPolicyThatFails) {

@@ -95,7 +95,7 @@ double Of(const std::vector<Sample>& samples, double quantile, Get get) {
   return values.empty() ? 0 : Quantile(values, quantile);
 }
 
-BenchRow Summarise(const std::vector<Sample>& samples) {
+BenchRow Summarize(const std::vector<Sample>& samples) {
   BenchRow row;
   row.scenes = static_cast<int>(samples.size());
   std::map<std::string, int> kinds;
@@ -180,7 +180,7 @@ Result<std::vector<BenchRow>> RunBench(const BenchOptions& options,
         progress(++done, all);
       }
       for (const std::string& planner : options.planners) {
-        BenchRow row = Summarise(samples[planner]);
+        BenchRow row = Summarize(samples[planner]);
         row.robot = robot;
         row.difficulty = name;
         row.planner = planner;

@@ -2,7 +2,6 @@
 // moved: the object's origin is away from where it stood, along a direction or in any.
 #include <fmt/format.h>
 
-#include "services/core/check.h"
 #include "worker/task/predicates/geometry.h"
 #include "worker/task/predicates/kinds.h"
 

@@ -2,19 +2,19 @@
 // The keyboard: `g` and a letter goes to a page, single keys act on the page. None act while one types.
 import { signal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
+import { keep, kept } from './kept';
 
 /** `when`: whether it acts now; always, where it is left out. */
 export interface Binding { keys: string; does: string; run: (event: KeyboardEvent) => void; when?: () => boolean }
 
 const layers = new Set<{ current: Binding[] }>();
 const slot = 'etude.keys';
-export const enabled = signal(window.localStorage.getItem(slot) !== 'off');
+export const enabled = signal(kept(slot) !== 'off');
 let waiting = 0;
 
 export function setEnabled(on: boolean): void {
   enabled.value = on;
-  if (on) window.localStorage.removeItem(slot);
-  else window.localStorage.setItem(slot, 'off');
+  keep(slot, on ? null : 'off');
 }
 
 export function start(): void {

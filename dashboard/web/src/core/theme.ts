@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light or dark: the system's unless chosen here. Canvases ask for colours by name and are told when they change.
 import { signal } from '@preact/signals';
+import { keep, kept } from './kept';
 
 export type Theme = 'system' | 'light' | 'dark';
 const slot = 'etude.theme';
@@ -10,8 +11,8 @@ export const theme = signal<Theme>('system');
 export const paints = signal(0);
 
 export function start(): void {
-  const kept = window.localStorage.getItem(slot);
-  if (kept === 'light' || kept === 'dark') choose(kept);
+  const before = kept(slot);
+  if (before === 'light' || before === 'dark') choose(before);
   window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { repaint(); });
 }
 
@@ -19,10 +20,10 @@ export function choose(next: Theme): void {
   theme.value = next;
   if (next === 'system') {
     delete document.documentElement.dataset['theme'];
-    window.localStorage.removeItem(slot);
+    keep(slot, null);
   } else {
     document.documentElement.dataset['theme'] = next;
-    window.localStorage.setItem(slot, next);
+    keep(slot, next);
   }
   repaint();
 }
@@ -37,8 +38,8 @@ function repaint(): void {
 
 /** A token's colour as the browser computes it, for canvases: color('accent') → rgb(…). */
 export function color(token: string): string {
-  const kept = resolved.get(token);
-  if (kept) return kept;
+  const known = resolved.get(token);
+  if (known) return known;
   if (!probe) {
     probe = document.createElement('span');
     probe.hidden = true;

@@ -152,18 +152,22 @@ function prefilled(module: Insight['modules'][string] | undefined): string {
 }
 
 /** Offered of those modules alone that something follows from. */
-function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>; field: Draft }) {
+function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>; field: Draft & { value: string } }) {
   const said = saidIn(props.field.shown);
   const [, set] = parameter('say');
   const modules = props.of?.modules ?? {};
   const replaceable = Object.entries(modules).filter(([name, one]) => props.heard.has(name) && one.quantity !== undefined && one.value !== undefined).map(([name, one]) => [`${name}.${one.quantity}`, name] as const);
   const chosenOne = said ? `${said.module}.${said.quantity}` : '';
   if (props.of && !replaceable.length && !said) return <p class="small muted">No module here reads what another one says, only its register: saying something else in its place would change nothing. Ask another sentence, or hide a part of the picture.</p>;
+  // what stands in the question, not what is being typed
+  const asked = saidIn(props.field.value)?.value.trim();
+  const unread = asked !== undefined && asked !== '' && parsed(asked) === undefined;
   const options = said && !replaceable.some(([name]) => name === chosenOne) ? [[chosenOne, said.module] as const, ...replaceable] : replaceable;
   return (
     <div class="row">
       <Select label="what if a module said something else?" showLabel value={chosenOne} options={[['', 'none'], ...options]} choose={(name) => set(name ? `${name}=${prefilled(modules[name.split('.')[0]!])}` : null, true)} />
       {said && <input class="field" aria-label={`what ${chosenOne} says instead`} value={said.value} onInput={(event) => props.field.change(`${chosenOne}=${event.currentTarget.value}`)} />}
+      {unread && <span class="small bad" role="alert" data-unread>not read: numbers are written as [0.1, 0.3, 0.04]</span>}
     </div>
   );
 }

@@ -70,11 +70,20 @@ function Player(props: { episode: Episode; folder: string; tracks: Tensors | und
   const [at, setAt] = parameter('step');
   const [cameraName, setCamera] = parameter('camera', episode.cameras[0]?.name ?? '');
   const camera = episode.cameras.find((one) => one.name === cameraName) ?? episode.cameras[0];
-  useEffect(() => { playhead.seek(Number(at) || 0); return () => playhead.stop(); }, [playhead]);
+  const timer = useRef(0);
+  useEffect(() => {
+    playhead.seek(Number(at) || 0);
+    return () => {
+      window.clearTimeout(timer.current);
+      playhead.stop();
+    };
+  }, [playhead]);
   const seek = (step: number) => {
     playhead.play(false);
     playhead.seek(step);
-    setAt(playhead.step || null, true);
+    // after a pause: browsers refuse to change the address at every key
+    window.clearTimeout(timer.current);
+    timer.current = window.setTimeout(() => setAt(playhead.step || null, true), 200);
   };
   const toggle = () => (playhead.playing ? seek(playhead.step) : playhead.play(true));
   const stride = episode.image_stride;

@@ -227,9 +227,9 @@ function Compare(props: { of: Eval; versus: string }) {
     <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, nameOf(one.id)] as const)]} choose={(id) => setParameters({ vs: id })} />}>
       {!versus && <p class="secondary">A is {nameOf(of.id)}. Choose B: scenes that both rolled out are compared one by one.</p>}
       {pair.error && <div class="problem" role="alert"><h2>{pair.error.title}</h2><p>{pair.error.detail}</p></div>}
-      {pair.data && <Paired of={pair.data} a={of} b={versus} />}
-      {other.data && <Runs a={of} b={other.data} />}
-      {diff.data && <Differences title="What else differs in the scenes" of={diff.data} />}
+      {pair.data && !pair.pending && <Paired of={pair.data} a={of} b={versus} />}
+      {other.data && !other.pending && <Runs a={of} b={other.data} />}
+      {diff.data && !diff.pending && <Differences title="What else differs in the scenes" of={diff.data} />}
     </Panel>
   );
 }
@@ -275,7 +275,7 @@ function Runs(props: { a: Eval; b: Eval }) {
       {kind === 'one' && <p class="secondary">Both are of run <a href={link('training', { run: a.run_id })}>{nameOf(a.run_id)}</a>: steps {count(a.checkpoint?.step)} and {count(b.checkpoint?.step)} of one config.</p>}
       {kind === 'two' && <p class="secondary">A is of run <a href={link('training', { run: a.run_id })}>{nameOf(a.run_id)}</a>, B of <a href={link('training', { run: b.run_id })}>{nameOf(b.run_id)}</a> (<a href={link('training', { run: `${a.run_id},${b.run_id}` })}>both curves</a>).</p>}
       {diff.error && <Failed problem={diff.error} />}
-      {diff.data && <Differences title="What changed between the runs" of={diff.data} />}
+      {diff.data && !diff.pending && <Differences title="What changed between the runs" of={diff.data} />}
     </div>
   );
 }

@@ -58,7 +58,7 @@ export function Fleet() {
     <Loaded of={{ ...first, data }}>
       {(fleet) => {
         if (!fleet.workers && !filter && !fleet.hosts.some((one) => one.processes.length)) {
-          return <><Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel><Jobs /></>;
+          return <><Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On this machine, and with --profile (deploy/dds) for every process on others too, a worker joins a campaign by its name:</Empty></Panel><Jobs /></>;
         }
         const hosts = [...fleet.hosts].sort((a, b) => place(frozen.order, a.host) - place(frozen.order, b.host));
         const moving = hosts.filter((one, i) => one !== fleet.hosts[i]).length;

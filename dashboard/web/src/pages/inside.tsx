@@ -32,9 +32,9 @@ export function Inside() {
   const graph = useResource<Graph>(id && here && !(evaluation && kept.pending) ? `/runs/${id}/graph` : null, { every: 15000 });
   if (evaluation && !kept.data) return <Loaded of={kept}>{() => null}</Loaded>;
   if (from && !id) return <WithoutRun of={from} />;
-  if (!id) return <Panel><Empty title="No run here yet" command="etude policy graph compact">A policy's modules without a run:</Empty></Panel>;
+  if (!id) return <Panel><Empty title="No run here yet" command="etude policy graph compact/base">A policy's modules without a run:</Empty></Panel>;
   if (!here) return <Elsewhere of={id} />;
-  return <Loaded of={graph}>{(data) => <Content of={data} run={id} from={from} />}</Loaded>;
+  return <Loaded of={graph}>{(data) => <Content key={id} of={data} run={id} from={from} />}</Loaded>;
 }
 
 /** Of a policy whose run is not below the gateway's folders: what it said is there, how it is wired is not. */

@@ -4,6 +4,7 @@
 import { useEffect, useRef } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { decisionAt, decisionBeside } from '../core/decisions';
+import { useDraft } from '../core/draft';
 import { count, fixed } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, parameter } from '../core/router';
@@ -59,14 +60,17 @@ function Rollout(props: Shown & { of: Eval; title: string; rows: EvalRow[]; inde
 function Walk(props: Shown & { of: Eval; kept: KeptInsights; episode: Episode; base: string }) {
   const { kept, episode } = props;
   const { decisions } = kept;
-  const [wanted, go] = parameter('decision');
-  const at = decisionAt(decisions, Number(wanted) || 0);
+  const [wanted, set] = parameter('decision');
+  // the address takes it after a pause: browsers refuse to change it many times a second
+  const draft = useDraft(wanted, (text) => set(text, true), 200);
+  const go = (k: number) => draft.change(String(k));
+  const at = decisionAt(decisions, Number(draft.shown) || 0);
   const decision = decisions[at];
   const answer = useResource<Insight>(decision ? `${props.base}/${at}` : null);
   const data = answer.data;
   useEffect(() => props.tell(data), [data]);
   useEffect(() => () => props.tell(undefined), []);
-  const beside = (by: 1 | -1) => go(decisionBeside(decisions, at, by), true);
+  const beside = (by: 1 | -1) => go(decisionBeside(decisions, at, by));
   useKeys([
     { keys: 'ArrowLeft', does: 'decision before', run: () => beside(-1) },
     { keys: 'ArrowRight', does: 'decision after', run: () => beside(1) },
@@ -79,7 +83,7 @@ function Walk(props: Shown & { of: Eval; kept: KeptInsights; episode: Episode; b
       <p class="row wrap"><span class={episode.success ? 'good' : 'bad'}>{episode.success ? '✓' : '✕'} {episode.outcome}</span><q data-sentence>{data?.sentence ?? kept.instruction}</q>
         {data && <span class="small muted" data-kept-step={data.checkpoint_step}>step {count(data.checkpoint_step)} of {data.run} said it</span>}
         <span class="fill" /><a href={episodeLink(episode.dataset, episode.index, { step: decision.step })}>Step by step</a><a href={link('evaluation', { eval: kept.eval, scene: kept.index })}>Its evaluation</a></p>
-      <label class="row"><span class="nowrap">decision</span><input class="grow" type="range" min={0} max={decisions.length - 1} value={at} aria-label="Decision of the rollout" onInput={(event) => go(decisionAt(decisions, Number(event.currentTarget.value)), true)} />
+      <label class="row"><span class="nowrap">decision</span><input class="grow" type="range" min={0} max={decisions.length - 1} value={at} aria-label="Decision of the rollout" onInput={(event) => go(decisionAt(decisions, Number(event.currentTarget.value)))} />
         <span class="num nowrap" data-decision={at}>{at + 1}/{decisions.length} · {fixed(decision.step / episode.control_rate_hz, 2)} s</span></label>
       {answer.error && <Failed problem={answer.error} retry={answer.reload} />}
       <div class={`columns main-side even${old}`}>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { getBytes, getJson, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
-import { now, useLive } from '../core/connection';
+import { epoch, now, useLive } from '../core/connection';
 import { none } from '../core/format';
 import { useKeys } from '../core/keys';
 import { parameter, setParameters } from '../core/router';
@@ -83,8 +83,16 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const [token, setToken] = useState('');
   const [opened, setOpened] = useState<Opened | null>(null);
   const [opening, setOpening] = useState(false);
-  // an address says nothing of how far its session is: whoever just came waits as long as one takes to open
-  const [came] = useState(Date.now());
+  // its scene, where it was heard here: only what is chosen below can be opened again
+  const heard = data.sessions.find((one) => one.session === session);
+  const last = useRef<PlaySession | undefined>(undefined);
+  if (heard) last.current = heard;
+  const scene = last.current?.session === session ? (last.current.scene as unknown as Scene) : undefined;
+  const same = !scene || (scene.campaign === wish.spec && scene.index === wish.index);
+  // an address says nothing of how far its session is: whoever just came waits as long as one takes to open, and a
+  // gateway that was started again hears of sessions only when it is asked for them
+  const generation = epoch.value;
+  const came = useMemo(() => Date.now(), [generation]);
   const waiting = session !== '' && !props.there && opened?.session !== session && now.value - came < openingMs;
   const coming = session !== '' && !props.there && opened?.session === session;
   const job = useResource<Job>(coming ? `/jobs/${opened.job}` : null, { every: 1000 });
@@ -121,7 +129,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   return (
     <Panel title="Sessions">
       {(waiting || (coming && !ended)) && <p role="status" class="muted">{waiting ? `${session} is looked for.` : `${session} is being opened.`}</p>}
-      {ended && <Ended session={session} log={job.data?.log ?? []} gone={gone} again={actions ? () => { void open(); } : null} able={wish.run !== ''} />}
+      {ended && <Ended session={session} log={job.data?.log ?? []} gone={gone} same={same} again={actions && same ? () => { void open(); } : null} able={wish.run !== ''} />}
       <div class="row wrap">
         {data.sessions.length > 0 && <Select showLabel label="Session" value={session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={(name) => choose(data, name)} />}
         <Select showLabel label="Scene of" value={wish.spec} options={listed(data.campaigns, wish.spec)} choose={set('campaign')} />
@@ -141,14 +149,14 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   );
 }
 
-/** `gone`: the gateway knows nothing of its job any more. `again`: opens its scene again. */
-function Ended(props: { session: string; log: string[]; gone: boolean; again: (() => void) | null; able: boolean }) {
+/** `gone`: the gateway knows nothing of its job any more. `same`: its scene is the one that is chosen. `again`: opens it again. */
+function Ended(props: { session: string; log: string[]; gone: boolean; same: boolean; again: (() => void) | null; able: boolean }) {
   return (
     <div class="problem" role="alert" data-ended={props.session}>
       <h2>The session {props.session} has ended</h2>
       {props.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
       {props.gone && <p>{jobGone.title}. {jobGone.detail}</p>}
-      <p>It is not heard any more. Its scene is chosen below.</p>
+      <p>It is not heard any more. {props.same ? 'Its scene is chosen below.' : 'What is chosen below is another scene.'}</p>
       {props.again && <button type="button" class="button" disabled={!props.able} onClick={props.again}>Open the same scene again</button>}
     </div>
   );

@@ -37,6 +37,8 @@ export function Chip(props: { tone?: 'good' | 'warn' | 'bad' | ''; title?: strin
 export function Figure(props: { value: string; unit?: string; large?: boolean; label?: string }) {
   const element = useRef<HTMLSpanElement>(null);
   const before = useRef({ value: props.value, at: 0 });
+  const timer = useRef(0);
+  useEffect(() => () => window.clearTimeout(timer.current), []);
   useEffect(() => {
     const old = before.current;
     if (old.value === props.value) return;
@@ -45,8 +47,9 @@ export function Figure(props: { value: string; unit?: string; large?: boolean; l
     before.current = { value: props.value, at: show ? at : old.at };
     if (!show) return;
     element.current?.classList.add('changed');
-    const timer = window.setTimeout(() => element.current?.classList.remove('changed'), 600);
-    return () => window.clearTimeout(timer);
+    // a change within that time does not take its end away
+    window.clearTimeout(timer.current);
+    timer.current = window.setTimeout(() => element.current?.classList.remove('changed'), 600);
   }, [props.value]);
   return (
     <p class={`figure${props.large ? ' large' : ''}`}>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The stored picture of a step, its exact pixels, with marks drawn over it: dark-theme colour between black and white.
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import { root } from '../core/api';
 import type { Camera, Episode } from '../core/types';
 import { MarkLayers, type Glyph } from './mark';
@@ -29,6 +29,13 @@ class Pictures {
     const picture = this.load(k);
     for (let next = k + 1; next <= k + ahead && next < this.camera.frames; next++) this.load(next).catch(() => undefined);
     return picture;
+  }
+
+  /** Nobody waits for any of them any more. */
+  stop(): void {
+    for (const abort of this.underWay.values()) abort.abort();
+    this.underWay.clear();
+    this.cache.clear();
   }
 
   private load(k: number): Promise<ImageData> {
@@ -65,8 +72,9 @@ export function PictureView(props: { episode: Episode; camera: Camera; playhead:
   const canvas = useRef<HTMLCanvasElement>(null);
   const groups = useRef<(SVGGElement | null)[]>([]);
   const [problem, setProblem] = useState('');
+  const pictures = useMemo(() => new Pictures(episode, camera), [episode, camera]);
+  useEffect(() => () => pictures.stop(), [pictures]);
   useEffect(() => {
-    const pictures = new Pictures(episode, camera);
     let shown = -1;
     let gone = false;
     const stop = playhead.follow((step) => {
@@ -91,7 +99,7 @@ export function PictureView(props: { episode: Episode; camera: Camera; playhead:
       }).catch((error: unknown) => { if (!gone && shown === k) setProblem(error instanceof Error ? error.message : String(error)); });
     });
     return () => { gone = true; stop(); };
-  }, [episode, camera, playhead, props.marks]);
+  }, [episode, camera, pictures, playhead, props.marks]);
   return (
     <div class="picture" style={{ aspectRatio: `${camera.width_px} / ${camera.height_px}` }}>
       <canvas ref={canvas} width={camera.width_px} height={camera.height_px} role="img" aria-label={`Camera ${camera.name}`} />

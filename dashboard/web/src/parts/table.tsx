@@ -140,7 +140,7 @@ function Grid<Row>(props: TableProps<Row>) {
             return (
               <div class="line" role="row" key={id} aria-rowindex={from + i + 2} data-id={id} {...(address ? { 'data-link': '' } : {})} {...(from + i === active ? { 'data-active': '' } : {})}
                 {...(props.selected === id ? { 'aria-selected': 'true' } : {})} style={{ gridTemplateColumns: template }}
-                onClick={(event) => { if (address && !(event.target as Element).closest('a, button, input, select, label')) navigate(address); }}>
+                onClick={(event) => { if (address && opens(event)) navigate(address); }}>
                 {props.columns.map((column, c) => (
                   <span class={`cell${column.number ? ' num' : ''}`} role="cell" data-column={column.key}>
                     {c === linked && address ? <a href={address}>{column.cell(row)}</a> : column.cell(row)}
@@ -153,6 +153,13 @@ function Grid<Row>(props: TableProps<Row>) {
       </div>
     </div>
   );
+}
+
+/** Whether a click on a row opens it: not one that ends a marking of text, or that is its link's own matter. */
+function opens(event: MouseEvent): boolean {
+  if (event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return false;
+  if (window.getSelection()?.isCollapsed === false) return false;
+  return !(event.target as Element).closest('a, button, input, select, label');
 }
 
 function HeadCell<Row>(props: { column: Column<Row>; sort: string | undefined; setSort: ((sort: string) => void) | undefined }) {

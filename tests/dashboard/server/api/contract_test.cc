@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "services/codec/frame.h"
+#include "services/core/statistics.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/dashboard/server/api/json_schema.h"
 #include "tests/support/matchers.h"
@@ -262,6 +264,43 @@ TEST_F(ContractTest, PairsCountAndRefuseOtherScenes) {
   const auto refused = Get(kPrefix + "/evals/lab.eval_a/pair/lab.eval_other");
   EXPECT_EQ(refused.status, 409);
   EXPECT_NE(refused.body.find("seed"), std::string::npos) << "says which key differs";
+}
+
+TEST_F(ContractTest, PairsHaveTheirDifferenceAndWhetherItIsChance) {
+  const auto pair = GetJson(kPrefix + "/evals/lab.eval_a/pair/lab.eval_b");
+  EXPECT_EQ(pair["n"], 4);
+  EXPECT_EQ(pair["neither"], 0);
+  EXPECT_EQ(pair["share_a"], 0.75);
+  EXPECT_EQ(pair["difference"], 0.0);
+  const Interval interval = NewcombePairedInterval(2, 1, 1, 0);
+  EXPECT_EQ(pair["low"], interval.low);
+  EXPECT_EQ(pair["high"], interval.high);
+  EXPECT_EQ(pair["latched"]["share_b"], 1.0);
+}
+
+// the same scenes, judged otherwise: their difference says nothing of the policies
+TEST_F(ContractTest, PairsRefuseOtherRules) {
+  for (const auto& [name, rollout] : {std::pair{"eval_a", 4}, {"eval_b", 5}}) {
+    const Path file = lab_.root() / name / "eval.json";
+    OrderedJson report = OrderedJson::parse(ReadTextFile(file).value());
+    report["rules"] = {{"tasks", OrderedJson::object()}, {"content", 7}, {"rollout", rollout}};
+    ASSERT_THAT(WriteFileAtomically(file, report.dump()), IsOk());
+  }
+  const auto refused = Get(kPrefix + "/evals/lab.eval_a/pair/lab.eval_b");
+  EXPECT_EQ(refused.status, 409);
+  EXPECT_NE(refused.body.find("rollout (4, now 5)"), std::string::npos) << refused.body;
+}
+
+TEST_F(ContractTest, TheVideoWithAnOverlayIsTheOneThatIsShown) {
+  const Path videos = lab_.root() / "eval_b" / "videos";
+  for (const char* name : {"000001-pick-timeout.mp4", "000001-pick-timeout-overlay.mp4", "000002-pick-success.mp4"})
+    ASSERT_THAT(WriteFileAtomically(videos / name, "not really a video"), IsOk());
+  const auto video = [&](const std::string& index) {
+    return GetJson(kPrefix + "/evals/lab.eval_b/rows?index=" + index)["rows"][0]["video"].get<std::string>();
+  };
+  EXPECT_EQ(video("1"), kPrefix + "/evals/lab.eval_b/videos/000001-pick-timeout-overlay.mp4");
+  EXPECT_EQ(video("2"), kPrefix + "/evals/lab.eval_b/videos/000002-pick-success.mp4") << "there is no other";
+  EXPECT_EQ(Get(video("1")).status, 200);
 }
 
 TEST_F(ContractTest, AttemptsHaveCommittedAndFailedOnes) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/api/curriculum.cc, graph.cc, runs.cc and series_csv.cc: what a run's files come to.
+// Tests dashboard/server/api/curriculum.cc, graph.cc, runs.cc, run_figures.cc, series.cc, checkpoints.cc and
+// differences.cc: what a run's files come to.
 #include <gmock/gmock.h>
 
 #include <cstring>
@@ -138,7 +139,7 @@ TEST(GraphJson, OfWhatIsNoPolicyIsSaid) {
   EXPECT_THAT(GraphJson(ViewOf(many + "]}")), HasCode(Code::kNotFound));
 }
 
-// ---- runs.cc --------------------------------------------------------------------------------------
+// ---- series, checkpoints, differences -------------------------------------------------------------
 
 class RunDetails : public ApiFixture {};
 

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "services/core/clock.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/filter_keys.h"
@@ -101,6 +103,42 @@ TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
   EXPECT_EQ(view->Find(99), nullptr);
 }
 
+// the folders of another host are seen later than its journal, whose lines are read once
+TEST(DatasetSource, WhatTheJournalTellsOfAFileIsKeptUntilItIsSeen) {
+  ExampleFolders lab;
+  const Path file = store::EpisodePath(lab.root() / "data", 3), hidden = lab.root() / "hidden.hdf5";
+  std::filesystem::rename(file, hidden);
+  DatasetSource source(DataOf(lab));
+  auto view = source.View().value();
+  EXPECT_EQ(view->rows.size(), kEpisodes - 1);
+  EXPECT_EQ(view->Find(3), nullptr);
+
+  std::filesystem::rename(hidden, file);
+  for (const Stopwatch watch; view->rows.size() != kEpisodes && watch.Seconds() < 10;) view = source.View().value();
+  EXPECT_EQ(view->known, kEpisodes) << "no file was opened";
+  ASSERT_NE(view->Find(3), nullptr);
+  EXPECT_EQ(view->Find(3)->steps, kSteps);
+}
+
+TEST(DatasetSource, ALaterLineOfTheJournalTakesThePlaceOfAnEarlierOne) {
+  ExampleFolders lab;
+  DatasetSource source(DataOf(lab));
+  auto view = source.View().value();
+  EXPECT_EQ(view->Find(1)->attempt, 0u);
+  const auto say = [&](std::uint32_t attempt) {
+    store::CommitRow row;
+    row.index = 1, row.attempt = attempt;
+    std::ofstream(lab.root() / "data" / "commits.jsonl", std::ios::app) << store::LineOf(row) << "\n" << std::flush;
+    for (const Stopwatch watch; view->Find(1)->attempt != attempt && watch.Seconds() < 10;)
+      view = source.View().value();
+    return view->Find(1)->attempt;
+  };
+  EXPECT_EQ(say(4), 4u);
+  EXPECT_EQ(say(2), 2u) << "it is the last word that counts, not the largest";
+  EXPECT_EQ(view->rows.size(), kEpisodes);
+  EXPECT_EQ(view->known, kEpisodes);
+}
+
 TEST(DatasetSource, FailedAttemptsSayWhatTheyWereAbout) {
   ExampleFolders lab;
   DatasetSource source(DataOf(lab));
@@ -184,6 +222,13 @@ TEST(DatasetView, AnInvalidSceneIsTheEndOfARolloutAndNotOfADemonstration) {
     EXPECT_EQ(rollout.GivenUp(), 1u) << scenes;
     EXPECT_EQ(demonstration.GivenUp(), 0u) << scenes;
   }
+}
+
+// before, an evaluation with such a rollout was never finished here, as it was for its collector
+TEST(DatasetView, WhatEndsItsWorkersIsTheEndOfARolloutAndNotOfADemonstration) {
+  const std::vector<AttemptRow> failures{FailedAt(7, 0, "kills_workers"), FailedAt(8, 0, "timeout")};
+  EXPECT_EQ(FailedView("rollout", failures).UsedUp(), std::set<std::uint64_t>{7});
+  EXPECT_EQ(FailedView("demonstrate", failures).GivenUp(), 0u);
 }
 
 TEST(DatasetSource, ADamagedFileIsNamedAndTheOthersGoOn) {

@@ -31,14 +31,5 @@ TEST(EvalSource, ADamagedReportIsAnError) {
   EXPECT_THAT(source.View(), HasCode(Code::kCorrupt));
 }
 
-TEST(PairJson, HasTheNumbersOfTheDesignsExample) {
-  const auto json = PairJson({.both = 391, .only_a = 4, .only_b = 2, .neither = 3});
-  EXPECT_EQ(json["n"], 400);
-  EXPECT_NEAR(json["difference"].get<double>(), 0.005, 1e-12);
-  EXPECT_NEAR(json["low"].get<double>(), -0.0101, 1e-4);
-  EXPECT_NEAR(json["high"].get<double>(), 0.0216, 1e-4);
-  EXPECT_NEAR(json["p"].get<double>(), 0.6875, 1e-12);
-}
-
 }  // namespace eval_source_test
 }  // namespace etude::sources

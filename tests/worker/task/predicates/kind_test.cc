@@ -2,6 +2,7 @@
 // Tests worker/task/predicates/kind.cc
 #include "worker/task/predicates/kind.h"
 
+#include "services/core/file.h"
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
@@ -54,6 +55,18 @@ TEST_F(PredicateTest, KindEveryKindSaysWhatItAndItsParametersMean) {
   }
   EXPECT_THAT(names, testing::IsSupersetOf({"risen", "moved", "grasped", "released", "lying", "upright", "turned",
                                             "at_rest", "beside", "on", "inside", "untouched", "all", "any", "then"}));
+}
+
+// What a user reads of the kinds, and of their parameters and defaults.
+TEST_F(PredicateTest, KindEachIsInThePageOnTasks) {
+  const std::string page = ReadTextFile("deploy/tasks/README.md").value();
+  for (const auto& kind : PredicateKinds()) {
+    const std::size_t at = page.find("`" + kind.name + "`", page.find("| predicate |"));
+    ASSERT_NE(at, std::string::npos) << kind.name;
+    const std::string row = page.substr(at, page.find('\n', at) - at);
+    for (const auto& parameter : kind.parameters)
+      EXPECT_THAT(row, testing::HasSubstr("`" + parameter.name)) << kind.name;
+  }
 }
 
 }  // namespace kind_test

@@ -1,0 +1,1 @@
+function n(t){try{return window.localStorage.getItem(t)}catch{return null}}function r(t,e){try{e===null?window.localStorage.removeItem(t):window.localStorage.setItem(t,e)}catch{}}export{n as a,r as b};
