@@ -138,7 +138,7 @@ Status WorkInSlot(const WorkArguments& arguments, const bus::Participant& partic
 
 // A child may be started days after its host, from files that were replaced meanwhile.
 Status CheckAsItsHost(const campaign::JoinedCampaign& joined, Fingerprints& fingerprints) {
-  if (joined.fingerprint.empty()) return {};
+  if (joined.fingerprint.empty() || joined.spec.determinism == "none") return {};
   ETUDE_ASSIGN_OR_RETURN(const auto own, fingerprints.Of(joined.spec));
   const auto difference = campaign::FirstDifference(own, joined.fingerprint, joined.spec.determinism);
   if (!difference) return {};

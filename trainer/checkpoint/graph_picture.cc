@@ -199,9 +199,7 @@ std::string GraphText(const Metadata& metadata) {
   }
   // encoders, and with shared attention the levels'
   std::vector<std::string> others(frozen.begin(), frozen.end());
-  std::erase_if(others, [&](const std::string& part) {
-    return std::ranges::find(metadata.policy.modules, part, &ModuleConfig::name) != metadata.policy.modules.end();
-  });
+  std::erase_if(others, [&](const std::string& part) { return policy::FindModule(metadata.policy, part) != nullptr; });
   if (!others.empty()) text += fmt::format("\nfrozen beside the modules: {}\n", fmt::join(others, ", "));
   return text;
 }

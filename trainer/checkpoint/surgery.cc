@@ -47,8 +47,7 @@ Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, 
   const OrderedJson all_there = ToJson(there), all_here = ToJson(here);
   CompareKeys(all_there, all_here, {"width", "attention"}, problems);
   // no encoder has heads, and that of pictures no activation but its own
-  const bool encodes = part == "image" || part == "language" || part == "joints";
-  if (!encodes) CompareKeys(all_there, all_here, {"heads"}, problems);
+  if (!policy::IsEncoder(part)) CompareKeys(all_there, all_here, {"heads"}, problems);
   if (part != "image") CompareKeys(all_there, all_here, {"activation"}, problems);
   const ModuleConfig *a = policy::FindModule(there, part), *b = policy::FindModule(here, part);
   if (part == "image" || (b && b->own_image))

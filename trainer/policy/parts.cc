@@ -14,13 +14,13 @@ namespace {
 constexpr std::string_view kEncoders[] = {"image", "language", "joints"};
 constexpr std::string_view kModules = "modules.", kSegments = "segments.", kAttention = "attention";
 
-bool IsEncoder(std::string_view name) { return std::ranges::find(kEncoders, name) != std::end(kEncoders); }
-
 void AddOnce(std::vector<std::string>& names, const std::string& name) {
   if (!name.empty() && std::ranges::find(names, name) == names.end()) names.push_back(name);
 }
 
 }  // namespace
+
+bool IsEncoder(std::string_view part) { return std::ranges::find(kEncoders, part) != std::end(kEncoders); }
 
 std::vector<std::string> PartsOf(const PolicyConfig& config) {
   std::vector<std::string> parts(std::begin(kEncoders), std::end(kEncoders));
@@ -73,8 +73,8 @@ std::vector<std::string> ReadParts(const PolicyConfig& config, const ModuleConfi
 
 std::set<std::string> StatisticsOf(const PolicyConfig& config, const std::string& part) {
   if (part == "joints") return {"joint"};
-  const auto module = std::ranges::find(config.modules, part, &ModuleConfig::name);
-  if (module == config.modules.end()) return {};
+  const ModuleConfig* module = FindModule(config, part);
+  if (!module) return {};
   std::set<std::string> known;
   const auto add = [&](const Quantity* quantity) {
     if (quantity == nullptr) return;

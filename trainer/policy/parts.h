@@ -14,6 +14,9 @@
 
 namespace etude::policy {
 
+/// Whether `part` is image, language or joints.
+bool IsEncoder(std::string_view part);
+
 /// Encoders first, then modules in the order of evaluation, each followed by its level's attention where that is
 /// shared and was not named yet.
 std::vector<std::string> PartsOf(const PolicyConfig& config);

@@ -122,9 +122,8 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
     auto frame = channel_->Receive(std::chrono::duration_cast<std::chrono::milliseconds>(kLook));
     ReadWords();
     // a host that was stopped, with its child or without: that time says nothing of the child
-    const auto now = MonotonicClock::now();
-    if (now - looked > kStoodStill) moved += now - looked;
-    looked = now;
+    const auto now = MonotonicClock::now(), before = std::exchange(looked, now);
+    if (now - before > kStoodStill) moved += now - before;
     if (!frame) return End(kChildCrashed, frame.error().message);
     if (!*frame) {
       if (auto loss = hung()) return loss;

@@ -30,6 +30,9 @@ struct DataDeleter {
 using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
 using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 
+/// Whether a geom can touch anything; one that cannot is visual.
+inline bool Collides(const mjModel* mj, int geom) { return mj->geom_contype[geom] || mj->geom_conaffinity[geom]; }
+
 struct Scene::Model {
   ModelPtr mj;
   assets::RobotModel robot;

@@ -11,7 +11,6 @@
 #include <set>
 
 #include "worker/sim/gripper_loop.h"
-#include "worker/sim/robot_masses.h"
 
 namespace etude::sim {
 namespace {

@@ -34,8 +34,6 @@ std::vector<std::pair<XMLElement*, std::string>> TakeVisualMasses(RobotXml& xml,
 
 }  // namespace
 
-bool Collides(const mjModel* mj, int geom) { return mj->geom_contype[geom] || mj->geom_conaffinity[geom]; }
-
 Status FixMasses(RobotXml& xml) {
   if (xml.mass_settings().empty()) return {};
   ETUDE_ASSIGN_OR_RETURN(const ModelPtr mj, CompileAlone(xml, xml.mass_settings()));

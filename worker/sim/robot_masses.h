@@ -2,7 +2,6 @@
 // Private to worker/sim. Masses of a user's robot: written into its document, and what visual geoms weigh.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "worker/sim/model.h"
@@ -10,9 +9,6 @@
 #include "worker/sim/robot_xml.h"
 
 namespace etude::sim {
-
-/// Whether a geom can touch anything; one that cannot is visual.
-bool Collides(const mjModel* mj, int geom);
 
 /// Writes the masses and inertias that its own <compiler> would have given its bodies into the document, so that it
 /// has them under other settings.

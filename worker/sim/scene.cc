@@ -282,7 +282,7 @@ Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
     scene->objects_.push_back({object.name, object.half_extent, object.rest_height, object.mass});
   const mjModel* mj = scene->model_->mj.get();
   for (int geom = 0; geom < mj->ngeom; ++geom)
-    if (mj->geom_contype[geom] || mj->geom_conaffinity[geom]) scene->geometry_.push_back(MakeGeometry(mj, geom));
+    if (Collides(mj, geom)) scene->geometry_.push_back(MakeGeometry(mj, geom));
   scene->camera_ = description.camera;
   scene->control_delay_ = spec.world.control_delay;
   scene->mjcf_ = std::move(description.mjcf);

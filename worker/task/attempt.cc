@@ -45,12 +45,11 @@ Status CheckNamedObjects(const CampaignSpec& spec, const TaskName& task) {
   const auto own = SceneNames(spec.objects);
   const bool all = spec.objects_per_scene == 0 || spec.objects_per_scene == static_cast<int>(spec.objects.size());
   // the rule is asked before the ball is there: no start would ever be found
-  if (const auto& rule = task.spec->start.not_already; rule && task.avoid == "obstacle")
-    for (const std::string& object : NamedObjects(*rule, own))
-      if (object == kObstacleObject)
-        return Fail(Code::kInvalidArgument,
-                    fmt::format("task '{}': start.not_already speaks of the {}, which is placed after the objects",
-                                task.text(), object));
+  if (const auto& rule = task.spec->start.not_already;
+      rule && task.avoid == "obstacle" && std::ranges::count(NamedObjects(*rule, own), kObstacleObject) > 0)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("task '{}': start.not_already speaks of the {}, which is placed after the objects",
+                            task.text(), kObstacleObject));
   for (const std::string& object : NamedObjects(*task.spec, own)) {
     if (object == kObstacleObject && task.avoid == "obstacle") continue;
     const bool listed = std::ranges::count(own, object) > 0;

@@ -44,5 +44,13 @@ TEST_F(ProfileOfTheEnvironment, TextAndListsAreHandedOn) {
   EXPECT_EQ(Of("missing.xml"), "none");
 }
 
+TEST(LeaseSeconds, IsWhatTheProfileSays) {
+  EXPECT_EQ(LeaseSeconds("<Domain/>"), 10);
+  EXPECT_EQ(LeaseSeconds("<Discovery><LeaseDuration> 20s </LeaseDuration></Discovery>"), 20);
+  EXPECT_EQ(LeaseSeconds("<LeaseDuration>1500 ms</LeaseDuration>"), 1.5);
+  EXPECT_EQ(LeaseSeconds("<LeaseDuration>soon</LeaseDuration>"), 10);
+  EXPECT_EQ(LeaseSeconds("<!-- <LeaseDuration>3s</LeaseDuration> -->"), 10);
+}
+
 }  // namespace profile_test
 }  // namespace etude::bus

@@ -4,8 +4,6 @@
 
 #include <gmock/gmock.h>
 
-#include <algorithm>
-
 #include "tests/support/matchers.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -58,7 +56,7 @@ TEST(GraphPicture, DrawsABoxAPartAndAnArrowAReading) {
 TEST(GraphPicture, AttentionThatWeighsNothingIsNotSupervised) {
   Metadata metadata = Example();
   const std::size_t supervised = CountOf(GraphSvg(metadata), "stroke-width=\"2.5\"");
-  auto& disp = *std::ranges::find(metadata.policy.modules, "DISP", &policy::ModuleConfig::name);
+  policy::ModuleConfig& disp = *policy::FindModule(metadata.policy, "DISP");
   ASSERT_GT(disp.attend.size(), 0u);
   disp.attend_weight = 0;
   EXPECT_EQ(CountOf(GraphSvg(metadata), "stroke-width=\"2.5\""), supervised - disp.attend.size());

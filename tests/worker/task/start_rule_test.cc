@@ -7,23 +7,13 @@
 #include <set>
 
 #include "tests/support/matchers.h"
+#include "tests/worker/task/predicates/task_with.h"
 #include "worker/task/outcome_meaning.h"
 #include "worker/task/predicates/task_predicates.h"
 #include "worker/task/verdict.h"
 
 namespace etude::task {
 namespace start_rule_test {
-
-PredicateSpec Spec(const std::string& yaml) {
-  return PredicateFromJson(ParseYaml(yaml, "test").value(), "test").value();
-}
-
-TaskSpec TaskWith(const std::string& success) {
-  TaskSpec task;
-  task.name = "mine";
-  task.success = Spec(success);
-  return task;
-}
 
 class AlreadySo : public testing::Test {
  protected:

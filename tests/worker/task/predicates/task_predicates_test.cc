@@ -5,20 +5,10 @@
 #include <gmock/gmock.h>
 
 #include "tests/support/matchers.h"
+#include "tests/worker/task/predicates/task_with.h"
 
 namespace etude::task {
 namespace task_predicates_test {
-
-PredicateSpec Spec(const std::string& yaml) {
-  return PredicateFromJson(ParseYaml(yaml, "test").value(), "test").value();
-}
-
-TaskSpec TaskWith(const std::string& success) {
-  TaskSpec task;
-  task.name = "mine";
-  task.success = Spec(success);
-  return task;
-}
 
 TEST(CheckPredicates, NamesTheTaskAndTheKeyOfWhatIsWrong) {
   EXPECT_THAT(CheckPredicates(TaskWith("risen")), IsOk());
