@@ -125,7 +125,9 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                Telemetry& telemetry, const Surroundings& around) {
   if (!arguments.resume) ETUDE_RETURN_IF_ERROR(publish::SetCheckpointsAside(arguments.out, config.init.from));
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
-                                                                  config.checkpoint.keep));
+                                                                  config.checkpoint.keep, [&] {
+                                                                    if (around.source) (void)around.source();
+                                                                  }));
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
                      [&telemetry](const learn::Progress& progress) {
                        ServiceManager::Get().Say(fmt::format("step {}, {}", progress.step, progress.stage_name));

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <utility>
 
+#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
@@ -34,17 +35,23 @@ bus::TrainStatus ToMessage(const publish::RunIdentity& run, const learn::Progres
 
 Result<Telemetry> Telemetry::Open(const bus::Participant* participant, const std::string& name, const Path& folder,
                                   Claim claim) {
-  ETUDE_ASSIGN_OR_RETURN(const Identity identity, OpenIdentity(folder, claim));
+  // a full disk is waited for, as it is later
+  ETUDE_RETURN_IF_ERROR(CheckMayWrite(folder));
+  std::string id;
+  ETUDE_RETURN_IF_ERROR(WriteWhenThereIsRoom("the run's id and name", [&]() -> Status {
+    ETUDE_ASSIGN_OR_RETURN(const Identity identity, OpenIdentity(folder, claim));
+    id = identity.id;
+    return KeepRunName(folder, name);
+  }));
   Telemetry telemetry;
-  ETUDE_RETURN_IF_ERROR(KeepRunName(folder, name));
-  telemetry.run_ = {name, identity.id, publish::NextStart(folder)};
+  telemetry.run_ = {name, id, publish::NextStart(folder)};
   if (!participant) return telemetry;
-  bus::Presence presence = bus::MakePresence(bus::PresenceKind::kRun, name, identity.id, folder.string());
+  bus::Presence presence = bus::MakePresence(bus::PresenceKind::kRun, name, id, folder.string());
   presence.epoch = telemetry.run_.start;
   ETUDE_ASSIGN_OR_RETURN(telemetry.presence_, bus::Announcement::Open(*participant, presence, claim));
   telemetry.run_.start = telemetry.presence_->presence().epoch;
   ETUDE_ASSIGN_OR_RETURN(telemetry.writer_,
-                         bus::Writer<bus::TrainStatus>::Open(*participant, bus::Owner{name, identity.id}.partition()));
+                         bus::Writer<bus::TrainStatus>::Open(*participant, bus::Owner{name, id}.partition()));
   return telemetry;
 }
 

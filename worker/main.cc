@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "services/campaign/fingerprint.h"
 #include "services/campaign/spec_file.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
@@ -78,6 +79,7 @@ Status PrintFingerprint(const Arguments& arguments) {
   if (arguments.json) fmt::print("{}\n", json.dump());
   for (const auto& [name, value] : fingerprint)
     if (!arguments.json) fmt::print("{:<10} {}\n", name, value);
+  if (!arguments.json) fmt::print("{:<10} {}\n", "in short", campaign::ShortHash(fingerprint));
   return {};
 }
 
@@ -149,7 +151,7 @@ CLI::App* AddReplay(CLI::App& app, Arguments& arguments) {
   replay->add_option("spec", arguments.scene_spec.file, "campaign file, or the folder of a dataset")->required();
   replay->add_option("--index", arguments.replay.index, "episode")->required();
   replay->add_option("--attempt", arguments.replay.attempt, "attempt at it")->capture_default_str();
-  replay->add_option("--out", arguments.replay.out, "folder, new or empty")->required();
+  replay->add_option("--out", arguments.replay.out, "folder, new or empty")->required()->check(NamesAPlace());
   AddOverrides(*replay, arguments, "image_stride=2");
   return replay;
 }

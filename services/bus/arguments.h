@@ -66,7 +66,7 @@ struct Arguments {
   Result<Participant> Open(const std::vector<security::Role>& roles = {}) const {
     return Participant::Open(Config(roles));
   }
-  ParticipantConfig Config(const std::vector<security::Role>& roles) const {
+  ParticipantConfig Config(const std::vector<security::Role>& roles) const {  // what Open opens, to be said more of
     return {.domain = domain, .profile = profile, .security = security, .roles = roles};
   }
   /// The same for a child in a role: its command line, and its environment. Its identity is this one when that has the

@@ -95,8 +95,8 @@ std::string Advice(const std::string& explanation) {
     return "; its permissions do not name this domain: issue it with --domain";
   }
   if (explanation.find("participant index") != std::string::npos) {
-    return "; raise Discovery/MaxAutoParticipantIndex in the profile, end other processes of this "
-           "domain, or use another domain";
+    return "; raise Discovery/MaxAutoParticipantIndex in the profile (`etude doctor net --write-profile` has "
+           "--processes), give fewer --workers, end other processes of this domain, or use another domain";
   }
   if (explanation.find("interface") != std::string::npos || explanation.find("address") != std::string::npos) {
     return "; name an existing interface in the profile's General/Interfaces (see 'ip address' and "
@@ -152,7 +152,7 @@ Qos SecurityQos(const security::Identity& identity) {
   set("dds.sec.access.permissions", file("permissions.p7s"));
   set("org.eclipse.cyclonedds.sec.auth.crl", file("crl.pem"));
   // its discovery messages are in clear: they need not say more than they must
-  set("__ProcessName", "-");
+  set("__ProcessName", kNoProcessName);
   return qos;
 }
 
@@ -329,8 +329,9 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   state->id = config.domain;
   if (state->identity) {
     // a policy server's second domain is the robots': who knocks there must not end it for the first one's, too
+    const bool waits = config.joins_another || IsHub(config.roles, *state->identity);
     const auto alone = HasAnotherDomain(config.domain) ? ParticipantWatch::Alone::kStays
-                       : config.joins_another          ? ParticipantWatch::Alone::kWaits
+                       : waits                         ? ParticipantWatch::Alone::kWaits
                                                        : ParticipantWatch::Alone::kEnds;
     state->watch = ParticipantWatch::Start(*state, *state->identity, LeaseSeconds(profile), alone);
   }

@@ -39,6 +39,9 @@ struct Traffic {
   std::vector<dds_entity_t> endpoints ETUDE_GUARDED_BY(mutex);
 };
 
+/// What participants with an identity say in place of their process's name.
+inline constexpr char kNoProcessName[] = "-";
+
 class ParticipantWatch;
 
 struct Participant::State {

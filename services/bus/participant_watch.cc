@@ -23,12 +23,13 @@
 namespace etude::bus {
 namespace {
 
-using security::Role;
-
-// A process that others depend on waits for those that have its authority; the others need not stay.
-bool IsHub(const security::Identity& identity) {
-  return identity.Has(Role::kCollector) || identity.Has(Role::kTrainer) || identity.Has(Role::kGateway) ||
-         identity.Has(Role::kRelay);
+// One without an identity, which says its process's name: nobody knocks there, and it is no hub that forgot us.
+bool IsOpen(const dds_builtintopic_participant_t& found) {
+  char* name = nullptr;
+  if (found.qos == nullptr || !dds_qget_prop(found.qos, "__ProcessName", &name) || name == nullptr) return false;
+  const bool open = std::string_view(name) != kNoProcessName;
+  dds_free(name);
+  return open;
 }
 
 }  // namespace
@@ -48,9 +49,10 @@ PeersSeen LookAround(const Participant::State& state) {
     };
   };
   for (const Status& looked :
-       {ForEachLive<dds_builtintopic_participant_t>(
-            participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
-            [&](const dds_builtintopic_participant_t& found) { peers.seen.insert(GuidText(found.key)); }),
+       {ForEachLive<dds_builtintopic_participant_t>(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
+                                                    [&](const dds_builtintopic_participant_t& found) {
+                                                      if (!IsOpen(found)) peers.seen.insert(GuidText(found.key));
+                                                    }),
         ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION,
                                                  admit(Traits<Presence>::kTopic)),
         ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
@@ -71,6 +73,7 @@ bool PeerJudge::CameWithTheHub(double since_s) const {
 PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
   Finding finding;
   if (!hub_s_ || !peers.hubs.empty()) hub_s_ = now_s;
+  had_hub_ = had_hub_ || !peers.hubs.empty();
   for (const auto& id : peers.admitted) admitted_ += ever_admitted_.insert(id).second;
   bool moves = false;
   std::erase_if(waiting_, [&](const auto& item) {
@@ -85,12 +88,19 @@ PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
     if (ever_admitted_.contains(id)) {
       const bool in_turn = now_s - moved_s_ < lost_patience_s_ && waits_s < kPatienceS;
       if (waits_s >= lost_patience_s_ && !in_turn) finding.lost.insert(id);
-    } else if (std::min(waits_s, now_s - *hub_s_) >= kPatienceS &&
-               (ever_admitted_.empty() || CameWithTheHub(since_s))) {
+    } else if (std::min({waits_s, now_s - *hub_s_, now_s - moved_s_}) >= kPatienceS &&
+               (!had_hub_ || CameWithTheHub(since_s))) {
       finding.alone = true;
     }
   }
   return finding;
+}
+
+bool IsHub(const std::vector<security::Role>& roles, const security::Identity& identity) {
+  using security::Role;
+  return std::ranges::any_of(roles.empty() ? identity.roles : roles, [](Role role) {
+    return role == Role::kCollector || role == Role::kTrainer || role == Role::kGateway || role == Role::kRelay;
+  });
 }
 
 DatesFinding LookAtDates(const security::Identity& identity, std::int64_t now) {
@@ -218,7 +228,7 @@ std::unique_ptr<ParticipantWatch> ParticipantWatch::Start(const Participant::Sta
   auto impl = std::make_unique<Impl>();
   impl->state = &state;
   impl->for_others = alone == Alone::kStays;
-  impl->stays_alone = alone != Alone::kEnds || IsHub(identity);
+  impl->stays_alone = alone != Alone::kEnds;
   impl->identity = std::move(identity);
   // less than a lease: finding out, starting again and the handshakes take their time, too
   impl->judge = PeerJudge(0.7 * lease_s);

@@ -58,11 +58,16 @@ class PeerJudge {
 
   double lost_patience_s_;
   double moved_s_ = -1e9;        // when one that waited was admitted last
+  bool had_hub_ = false;         // one was ever admitted
   std::optional<double> hub_s_;  // when a hub was admitted last; before that: when the first look was
   std::uint64_t admitted_ = 0;
   std::map<std::string, double> waiting_;  // since when it has been seen and not admitted
   std::set<std::string> ever_admitted_;
 };
+
+/// Whether others depend on a process, which then waits for those of its authority. `roles`: what it does; none: it did
+/// not say, and what its identity may do counts.
+bool IsHub(const std::vector<security::Role>& roles, const security::Identity& identity);
 
 /// What the dates of an identity ask for at `now` (seconds since 1970).
 struct DatesFinding {
@@ -75,8 +80,8 @@ class ParticipantWatch {
  public:
   /// What becomes of a process whom nobody on the domain admits.
   enum class Alone {
-    kEnds,   ///< it would go on knocking; those that others depend on (collector, trainer, gateway, relay) stay
-    kWaits,  ///< it will have another domain: it does not end, and makes itself anew as others do
+    kEnds,   ///< it would go on knocking
+    kWaits,  ///< a hub, or it will have another domain: it does not end, and makes itself anew as others do
     kStays   ///< it has another domain, where others wait for it
   };
 

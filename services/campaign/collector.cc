@@ -12,6 +12,7 @@
 #include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/without_throwing.h"
@@ -120,7 +121,15 @@ Result<bus::Announcement> ClaimName(const bus::Participant& participant, const C
     presence.spec_sha256 = SpecHash(spec);
   }
   ETUDE_ASSIGN_OR_RETURN(auto announcement, bus::Announcement::Open(participant, presence, options.claim));
-  ETUDE_RETURN_IF_ERROR(RememberEpoch(folder, announcement.presence().epoch));
+  // as a full disk is waited for later: a service that ends for it is started again a few times only
+  ETUDE_RETURN_IF_ERROR(CheckMayWrite(folder));
+  bool again = false;
+  ETUDE_RETURN_IF_ERROR(WriteWhenThereIsRoom("the collector's epoch", [&]() -> Status {
+    const auto epoch = announcement.presence().epoch;
+    // it is there, and its name may not be durable yet
+    if (std::exchange(again, true) && LastEpoch(folder).value_or(0) == epoch) return SyncFolder(folder);
+    return RememberEpoch(folder, epoch);
+  }));
   if (!options.shard.whole()) ETUDE_RETURN_IF_ERROR(RememberShard(folder, options.shard.text()));
   return announcement;
 }
@@ -286,6 +295,7 @@ void Collector::Revoke(const std::string& worker, int exit_code) {
     failed = impl_->Revoke(worker, Crashed(exit_code), HowItEnded(exit_code));
     impl_->heard.erase(worker);
     impl_->motions.erase(worker);
+    impl_->idle.erase(worker);
   }
   if (failed) impl_->Record(*failed);
 }

@@ -45,6 +45,7 @@ struct CollectorOptions {
   std::chrono::milliseconds away{60'000};
   int unfit_budget = 3;  ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
+  std::chrono::milliseconds ready{600'000};            ///< for a worker that beats to ask for the first time, at least
   std::uint64_t max_in_flight = 16'384;                ///< leases worked on at once; as many may wait
   std::size_t commit_threads = 0;                      ///< 0: as many as cores, at most 4
   /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a

@@ -69,9 +69,14 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   if (status.phase == bus::kGonePhase) {
     heard.erase(status.worker);
     motions.erase(status.worker);
+    idle.erase(status.worker);
     return;
   }
   heard[status.worker] = now;
+  if (status.token == 0)
+    idle.try_emplace(status.worker, now);
+  else
+    idle.erase(status.worker);
   const bool leased = status.token != 0 && table.WentTo(status.index, status.worker);
   if (leased) table.Renew(status.index, status.token, now);
   if (!leased && (status.token == 0 || !rechecks.Renew(status.token, status.worker, now))) {
@@ -139,6 +144,7 @@ void Collector::Impl::ForgiveStandstill() {
   table.Postpone(stood);
   rechecks.Postpone(stood);
   for (auto& [worker, motion] : motions) motion.since += stood;
+  for (auto& [worker, since] : idle) since += stood;
 }
 
 // Leases of those who say nothing, and of those who say that they live and do not move: a planner that never ends, a
@@ -153,6 +159,16 @@ std::vector<Collector::Impl::Deadly> Collector::Impl::EndSilent() {
   std::vector<Deadly> deadly;
   for (auto& [worker, motion] : motions)
     if (auto failed = EndIfStill(worker, motion, now)) deadly.push_back(std::move(*failed));
+  // who waits for work asks five times a second; to make oneself ready may take long, and not for ever
+  constexpr double kReady = 5;  // times what an attempt may stand still
+  const std::chrono::duration<double> ready(
+      std::max(kReady * spec.stall_timeout_s, std::chrono::duration<double>(options.ready).count()));
+  for (auto& [worker, since] : idle) {
+    if (all_done || now - since < ready) continue;
+    Log().warn("worker={} beats and asks for nothing for {:.0f} s", worker, ready.count());
+    silent.push_back(worker);
+    since = now;
+  }
   for (std::size_t k = before; k < silent.size(); ++k) motions.erase(silent[k]);
   if (silent.size() > kMostRemembered) silent.erase(silent.begin(), silent.end() - kMostRemembered);
   return deadly;

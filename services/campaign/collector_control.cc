@@ -190,6 +190,7 @@ void Collector::Impl::PublishStatus() {
         return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);
       });
     std::erase_if(motions, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
+    std::erase_if(idle, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     while (!commits.empty() && now - commits.front() > kRateWindow) commits.pop_front();
     const CollectorProgress progress = Snapshot();
     status.campaign = spec.name;

@@ -100,6 +100,8 @@ struct Collector::Impl {
     }
   };
   std::map<std::string, Motion> motions ETUDE_GUARDED_BY(mutex);  // of workers that hold a lease
+  // of workers that beat and hold nothing: since when they ask for nothing
+  std::map<std::string, Time> idle ETUDE_GUARDED_BY(mutex);
   struct Deadly {  // an attempt that has failed because it ended workers, and is not on disk yet
     std::uint64_t index = 0;
     std::uint32_t attempt = 0;

@@ -162,6 +162,10 @@ void Collector::Impl::Greet(const bus::WorkRequest& request) {
 void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
   if (request.campaign_id != id) return;
   Greet(request);
+  {
+    const MutexLock lock(mutex);
+    idle.erase(request.worker);
+  }
   // who names no host is refused where a worker of another wire number listens: in the campaign's partition
   const std::string host = IsPlainName(request.host) ? request.host : "";
   // an answer that is lost is asked for again

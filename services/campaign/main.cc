@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
       "etude collector");
   etude::Arguments arguments;
   app.add_option("spec", arguments.spec.file, "campaign file (YAML)")->required();
-  app.add_option("--out", arguments.out, "dataset folder")->required();
+  app.add_option("--out", arguments.out, "dataset folder")->required()->check(etude::NamesAPlace());
   app.add_option("--episodes", arguments.spec.episodes, "instead of the file's count");
   app.add_option("--seed", arguments.spec.seed, "instead of the file's seed");
   app.add_option("--set", arguments.spec.overrides, "KEY=VALUE of the campaign, e.g. camera.width=84")

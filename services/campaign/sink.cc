@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -46,7 +47,8 @@ class DatasetSink : public EpisodeSink {
 
 std::string LineOf(const RolloutRow& row) { return JsonText(RowJson(row)); }
 
-constexpr double kReportEvery = 2;  // s; the report of 400 rollouts is 200 kB
+constexpr double kReportEvery = 2;   // s; the report of 400 rollouts is 200 kB
+constexpr double kReportShare = 20;  // times what one took is between two
 
 // One report is of one policy, and of rollouts that are there.
 Status CheckReport(const Path& out, const OrderedJson& report, bool has_rollouts, const EvalSubject& subject) {
@@ -128,6 +130,11 @@ class EvalSink : public EpisodeSink {
     ETUDE_RETURN_IF_ERROR(WriteReport());
     return writer_.WriteMaster();
   }
+  // what is done, and not the links to each rollout: nobody follows those in between
+  Status WriteProgress() override {
+    ETUDE_RETURN_IF_ERROR(WriteReport());
+    return writer_.WriteProgress();
+  }
   Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
     return writer_.WriteFilterKey(name, indices);
   }
@@ -160,13 +167,18 @@ class EvalSink : public EpisodeSink {
     row.wall_s = facts.timings.wall_s;
     scenes_.Add(episode);
     if (lines_) (void)lines_->Append(LineOf(row));
-    return since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes;
+    return since_report_.Seconds() > std::max(kReportEvery, kReportShare * report_took_s_) || rows_.size() == 1 ||
+           rows_.size() == spec_.episodes;
   }
   // A slow disk holds up who writes, not who has a failure to record.
   Status WriteReport() ETUDE_EXCLUDES(mutex_) {
     const MutexLock writing(report_mutex_);
+    const Stopwatch took;
     const OrderedJson report = ReportNow();
-    return WriteFileAtomically(out_ / "eval.json", JsonText(report, 1) + "\n");
+    const Status written = WriteFileAtomically(out_ / "eval.json", JsonText(report, 1) + "\n");
+    const MutexLock lock(mutex_);
+    report_took_s_ = took.Seconds();
+    return written;
   }
   OrderedJson ReportNow() ETUDE_EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
@@ -192,6 +204,7 @@ class EvalSink : public EpisodeSink {
   Mutex mutex_;
   std::optional<LineAppender> lines_ ETUDE_GUARDED_BY(mutex_);
   Stopwatch since_report_ ETUDE_GUARDED_BY(mutex_);
+  double report_took_s_ ETUDE_GUARDED_BY(mutex_) = 0;
   std::map<std::uint64_t, RolloutRow> rows_ ETUDE_GUARDED_BY(mutex_);
   SceneReport scenes_ ETUDE_GUARDED_BY(mutex_);
 };

@@ -39,6 +39,7 @@ constexpr double kSayAgain_s = 30;  // what is waited for
 struct Readiness {
   std::string spec_sha256;  // that `work` was made for
   std::string spec_json;    // as announced: keys that are no part of the hash may change
+  std::string policy_id;    // that `work` asks: an evaluation that goes on has a policy server with another one
   CampaignSpec spec;
   WorkFunction work;
   std::string files_sha256;
@@ -187,7 +188,8 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
     return Refuse(selector().text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
   if (announcement.content != options.content)
     return Refuse(selector().text(), "content number", announcement.content, announcement.version, options.content);
-  const bool same_hash = ready.work && ready.spec_sha256 == announcement.spec_sha256;
+  const bool same_hash =
+      ready.work && ready.spec_sha256 == announcement.spec_sha256 && ready.policy_id == announcement.policy_id;
   if (same_hash && ready.spec_json == announcement.spec_json) return {};
   ForgetTaskFiles();  // those of this campaign may say something else than those of the last one
   const std::string origin = fmt::format("campaign '{}'", selector().text());
@@ -218,6 +220,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
                                               [this] { watched->Moved(); }, ready.fingerprint}));
   ready.spec = spec;
   ready.spec_sha256 = announcement.spec_sha256;
+  ready.policy_id = announcement.policy_id;
   since_work.Restart();  // to make itself ready was no waiting
   return {};
 }
@@ -293,7 +296,8 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
     joined->collector->TakeAnnouncements();
     const bool complete = joined->collector->complete();
     if (complete) none.kind = bus::LeaseKind::kDone;
-    const bool changed = joined->collector->announcement->spec_sha256 != ready.spec_sha256;
+    const bool changed = joined->collector->announcement->spec_sha256 != ready.spec_sha256 ||
+                         joined->collector->announcement->policy_id != ready.policy_id;
     if (complete || changed || Unwanted() || Replaced()) break;
   }
   return none;
@@ -499,6 +503,8 @@ Status WorkerClient::Impl::Work(const WorkFactory& factory) {
       case bus::LeaseKind::kWork:
         // a collector that came back with another spec: what we would make is not what it leased
         if (lease.spec_sha256 != ready.spec_sha256) break;
+        joined->collector->TakeAnnouncements();  // or whose policy server is another one
+        if (joined->collector->announcement->policy_id != ready.policy_id) break;
         ETUDE_RETURN_IF_ERROR(Serve(lease));
         joined->since_lease.Restart();
         choice.FoundWork();

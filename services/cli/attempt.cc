@@ -9,6 +9,7 @@
 #include "services/cli/command_line.h"
 #include "services/cli/video.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/stop.h"
 
 namespace etude::cli {
@@ -61,7 +62,7 @@ void AddAttempt(CLI::App& app, Body& body) {
   replay->add_option("spec", arguments->spec, "campaign file, or the folder of a dataset")->required();
   replay->add_option("--index", arguments->index, "episode")->required();
   replay->add_option("--attempt", arguments->attempt, "attempt at it, as in attempts.jsonl")->capture_default_str();
-  replay->add_option("--out", arguments->out, "folder, new or empty")->required();
+  replay->add_option("--out", arguments->out, "folder, new or empty")->required()->check(NamesAPlace());
   AddOverrides(*replay, arguments->overrides, "image_stride=2");
   replay->callback([=, &body] { body = [=] { return Replay(*arguments); }; });
 }

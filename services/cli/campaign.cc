@@ -58,6 +58,7 @@ Result<std::vector<bus::Presence>> Find(const bus::Participant& participant, con
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(auto found, directory.FindCampaign(selector, 2s));
   if (!found.empty()) return found;
+  if (StopRequested()) return Fail(Code::kTimeout, "stopped");
   return Fail(Code::kNotFound,
               fmt::format("campaign '{}' is not live on domain {}: `etude campaign list` shows those that are", name,
                           participant.domain()));

@@ -33,6 +33,7 @@ Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::
     for (auto& status : statuses.Take())
       if (status.control_id == message.control_id) return std::move(status);
   }
+  if (StopRequested()) return Fail(Code::kTimeout, "stopped before the collector answered: it may have obeyed");
   return no_answer("did not answer");
 }
 

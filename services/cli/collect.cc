@@ -6,6 +6,7 @@
 #include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
 #include "services/cli/hosted_campaign.h"
+#include "services/core/command_table.h"
 #include "services/core/progress.h"
 #include "services/core/stop.h"
 
@@ -57,7 +58,9 @@ void AddCollect(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("collect", "collect demonstrations on this machine: a collector and N workers");
   auto arguments = std::make_shared<CollectArguments>();
   command->add_option("spec", arguments->spec.file, "campaign file (YAML), see deploy/campaigns/")->required();
-  command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")->required();
+  command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")
+      ->required()
+      ->check(NamesAPlace());
   command->add_option("--workers", arguments->workers, "local workers, 0 for only those of other hosts")
       ->check(CLI::Range(0, kMostWorkers))
       ->capture_default_str();

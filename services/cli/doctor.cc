@@ -65,8 +65,10 @@ Finding CheckSocketBuffer() {
 
 Finding CheckDisk() {
   struct statvfs info {};
-  const Path here = std::filesystem::current_path();
-  if (::statvfs(here.c_str(), &info) != 0) return Advice("cannot look at the disk of " + here.string());
+  std::error_code error;
+  const Path here = std::filesystem::current_path(error);
+  if (error || ::statvfs(here.c_str(), &info) != 0)
+    return Advice("cannot look at the disk of this folder: was it removed? " + here.string());
   const double free_gb = static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize) / 1e9;
   // an episode is about 2 MB
   if (free_gb >= 5) return Ok(fmt::format("{:.0f} GB free in {}", free_gb, here.string()));

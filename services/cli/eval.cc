@@ -18,10 +18,12 @@
 #include "services/cli/sentence_suite.h"
 #include "services/cli/service.h"
 #include "services/cli/training_words.h"
+#include "services/core/command_table.h"
 #include "services/core/config.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
+#include "services/core/progress.h"
 #include "services/core/run_name.h"
 #include "services/core/stop.h"
 
@@ -101,11 +103,11 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalAr
   if (training && !IsId(run.id)) run.id = training->id;
   ETUDE_ASSIGN_OR_RETURN(const auto server, directory.Find(bus::PresenceKind::kPolicy, run, patience));
   if (server) {
-    fmt::print(
-        stderr, "{}\n",
+    ProgressDisplay().Say(
         Printable(fmt::format("asking the policy server of run {}@{} on {}", server->name, server->id, server->host)));
     return PolicyChoice{{run.name, server->id}, std::nullopt};
   }
+  if (!training && StopRequested()) return Fail(Code::kTimeout, "stopped");
   if (!training)
     return Fail(Code::kUnavailable,
                 fmt::format("--subscribe '{}': neither a run nor a policy server of that name is live on domain {}; "
@@ -236,7 +238,7 @@ Status Eval(EvalArguments arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(base, arguments));
   ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, spec));
   ETUDE_ASSIGN_OR_RETURN(auto report, RollOut(participant, spec, arguments, choice));
-  if (StopRequested()) fmt::print(stderr, "stopped, run again to continue\n");
+  if (StopRequested()) ProgressDisplay().Say("stopped, run again to continue");
   ETUDE_RETURN_IF_ERROR(Report(participant, arguments, choice, base, std::move(report)));
   return arguments.compare.empty() ? Status() : Compare(arguments);
 }
@@ -313,7 +315,9 @@ void AddEval(CLI::App& app, Body& body) {
   command->add_option("--workers", arguments->workers, "local workers")
       ->check(CLI::Range(0, kMostWorkers))
       ->capture_default_str();
-  command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
+  command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")
+      ->required()
+      ->check(NamesAPlace());
   AddVideos(*command, arguments->evaluation);
   AddScenes(*command, *arguments);
   AddHardships(*command, arguments->evaluation);

@@ -79,6 +79,7 @@ Status WriteMoving(std::vector<Episode> episodes, const Path& file) {
     pictures = std::max(pictures, tiles.back().pictures());
   }
   video::Mp4Options options{.width = canvas.cols, .height = canvas.rows, .rate = rate};
+  ETUDE_RETURN_IF_ERROR(MakeFolders(file.parent_path()));
   if (file.extension() == ".webp") options.container = video::Container::kAnimatedWebp;
   ETUDE_ASSIGN_OR_RETURN(auto writer, video::Mp4Writer::Open(file, options));
   for (std::size_t k = 0; k < pictures; ++k) {

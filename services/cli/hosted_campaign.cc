@@ -6,6 +6,7 @@
 #include <atomic>
 #include <thread>
 
+#include "services/core/log.h"
 #include "services/core/without_throwing.h"
 
 namespace etude::cli {
@@ -42,6 +43,8 @@ Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Partici
   const auto before = collector.progress();
   std::unique_ptr<HostedCampaign> hosted(new HostedCampaign);
   hosted->host_ = std::make_unique<Host>(std::move(collector));
+  hosted->logs_ = options.logs;
+  hosted->unheard_ = options.unheard;
   if (options.workers < 1 || before.complete) return hosted;
   campaign::Collector& running = hosted->host_->collector;
   ETUDE_ASSIGN_OR_RETURN(
@@ -52,7 +55,8 @@ Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Partici
                       .logs = options.logs,
                       .on_end = [&running](const std::string& name, int exit_code) { running.Revoke(name, exit_code); },
                       .done = [&running] { return running.progress().attempts; },
-                      .silent = [&running] { return running.TakeSilent(); }}));
+                      .silent = [&running] { return running.TakeSilent(); },
+                      .program = options.worker}));
   hosted->pool_.emplace(std::move(pool));
   return hosted;
 }
@@ -65,9 +69,22 @@ bool HostedCampaign::ended() const { return host_->ended.load(); }
 
 Status HostedCampaign::Supervise() {
   if (!pool_ || ended()) return {};
-  if (!progress().complete) return pool_->Supervise();
+  const auto now = progress();
+  SayUnheard(now);
+  if (!now.complete) return pool_->Supervise();
   pool_->NoteEnds();  // the collector waits for those that might come back
   return {};
+}
+
+// A profile without multicast keeps the processes of a host that is no hub apart, and none of them ends.
+void HostedCampaign::SayUnheard(const campaign::CollectorProgress& progress) {
+  heard_ = heard_ || progress.workers > 0;
+  if (heard_ || 1000 * since_start_.Seconds() < static_cast<double>(unheard_.count())) return;
+  heard_ = true;
+  Log().warn(
+      "no worker was heard in {:.0f} s: can processes of this host hear each other? Where the profile has no multicast "
+      "it has to be one of the hubs (etude doctor net --write-profile); their words are in {}",
+      since_start_.Seconds(), (logs_ / "worker-0.log").string());
 }
 
 Status HostedCampaign::Finish() {

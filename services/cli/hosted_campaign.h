@@ -2,6 +2,7 @@
 // A collector in this process and its local workers: what collect, eval and up have in common.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 #include "services/bus/participant.h"
 #include "services/campaign/collector.h"
 #include "services/cli/worker_pool.h"
+#include "services/core/clock.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
@@ -25,6 +27,8 @@ struct HostOptions {
   std::string policy_id;          ///< the run whose policy rollouts ask; "": whoever serves its name
   std::string run_id;             ///< the run whose validation errors count; "": the first that speaks
   campaign::EvalSubject subject;  ///< of an evaluation: what is evaluated
+  std::chrono::milliseconds unheard{30'000};  ///< without a word of any worker: that is said
+  Path worker;                                ///< its program; empty: the sibling etude-worker
 };
 
 /// Runs the collector on a thread of its own and supervises the workers from the caller's.
@@ -45,9 +49,14 @@ class HostedCampaign {
 
  private:
   HostedCampaign() = default;
+  void SayUnheard(const campaign::CollectorProgress& progress);
   struct Host;
   std::unique_ptr<Host> host_;
   std::optional<WorkerPool> pool_;
+  Path logs_;
+  std::chrono::milliseconds unheard_{};
+  Stopwatch since_start_;
+  bool heard_ = false;  // a worker was, or it has been said that none is
 };
 
 /// @error kExhausted: a complete campaign has given up every episode: there is nothing to go on with

@@ -319,7 +319,11 @@ Status AwaitSession(play::Client& client, const PlayArguments& arguments, Childr
       return Fail(CodeForExit(*code),
                   fmt::format("open a play session: etude-worker ended with {}", campaign::HowItEnded(*code)));
   }
-  return Fail(Code::kTimeout, "open a play session: it does not appear");
+  if (StopRequested()) return Fail(Code::kTimeout, "stopped");
+  return Fail(
+      Code::kTimeout,
+      "open a play session: it does not appear; with a profile without multicast this host has to be one of its "
+      "hubs (etude doctor net --write-profile)");
 }
 
 // One after another; the first error is that of all.

@@ -54,7 +54,7 @@ class Maker {
   Result<ResultReport> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_ASSIGN_OR_RETURN(OrderedJson report, MakeReport(row, seed));
     if (!row.compare.empty()) report["comparison"] = ComparisonOf(row, seed);
-    ResultReport made{.seed = seed, .made = MadeOf(row, seed), .report = BriefReport(report)};
+    ResultReport made{.seed = seed, .made = MadeOf(row, seed) + VersionsText(report), .report = BriefReport(report)};
     if (!row.train.runs_of.empty()) return made;
     made.training_s = TrainingSeconds(RunOf(row.name, seed)).value_or(0);
     if (const auto count = CountDemonstrations(DataOf(row))) {
@@ -402,6 +402,7 @@ Status Results(const ResultsArguments& arguments) {
                             table.file.string(), table.record_file().string()));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
+  ETUDE_RETURN_IF_ERROR(table.Save(config));  // what cannot be written is said before hours of work
   Maker maker(arguments, config);
   std::optional<Error> failed;  // the first one; what does not need it is made all the same
   const auto say = [&](const ResultRow& row, std::uint64_t seed, Error error) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/cli/results_report.h"
 
+#include <fmt/format.h>
+
 #include "services/core/hash.h"
 
 namespace etude::cli {
@@ -40,6 +42,13 @@ OrderedJson BriefReport(const OrderedJson& report) {
 std::string MissingComparison(const OrderedJson& report) {
   const OrderedJson* missing = FindPart(report, "comparison", "missing");
   return missing && missing->is_string() ? missing->get<std::string>() : "";
+}
+
+std::string VersionsText(const OrderedJson& report) {
+  const OrderedJson* rules = FindPart(report, "rules");
+  const auto content = rules ? CountAt(*rules, "content") : std::nullopt;
+  const auto rollout = rules ? CountAt(*rules, "rollout") : std::nullopt;
+  return content && rollout ? fmt::format(", content {}, rollouts {}", *content, *rollout) : "";
 }
 
 std::string RolloutsHash(const OrderedJson& report) {

@@ -30,6 +30,8 @@ OrderedJson BriefReport(const OrderedJson& report);
 /// Why a row that is compared with another one was not: what stands in the place of its comparison; "": it was, or is
 /// not to be.
 std::string MissingComparison(const OrderedJson& report);
+/// ", content 7, rollouts 5": by which versions of them an eval.json was made; "" where it does not say.
+std::string VersionsText(const OrderedJson& report);
 /// Of an eval.json, or of what is kept of it: SHA-256 of what it says overall, which is another one of other rollouts.
 std::string RolloutsHash(const OrderedJson& report);
 

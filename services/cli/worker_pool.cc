@@ -135,7 +135,7 @@ void WorkerPool::EndSilent() {
   for (const std::string& name : options_.silent()) {
     const auto slot = std::ranges::find(slots_, name, &Slot::name);
     if (slot == slots_.end() || !slot->process) continue;
-    Log().warn("worker={} did not move and has lost its lease: it is ended", name);
+    Log().warn("worker={} did not move: what it held is leased to others, and it is ended", name);
     slot->process->Signal(SIGKILL);
   }
 }

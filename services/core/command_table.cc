@@ -6,6 +6,10 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -61,7 +65,18 @@ std::string TakeDecimal(std::string& text, bool is_unsigned) {
   text.erase(begin, end - begin);
   const bool whole = text.size() > begin && std::all_of(text.begin() + static_cast<std::ptrdiff_t>(begin), text.end(),
                                                         [](unsigned char c) { return std::isdigit(c) != 0; });
-  return whole ? "" : fmt::format("{} is no whole number", text);
+  if (!whole) return fmt::format("{} is no whole number", text);
+  std::uint64_t number = 0;
+  const bool fits = std::from_chars(text.data() + begin, text.data() + text.size(), number).ec == std::errc();
+  return fits ? "" : fmt::format("{} is more than a number holds", text);
+}
+
+// What is no number lies in every range. @returns what is wrong, "" when nothing is
+std::string CheckFinite(const std::string& text) {
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  const bool is_number = end != text.c_str() && *end == '\0';
+  return is_number && !std::isfinite(number) ? fmt::format("{} is no finite number", text) : "";
 }
 
 }  // namespace
@@ -81,6 +96,8 @@ Json CommandTable(const CLI::App& app) {
 void TakeDecimals(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
     const std::string type = option->get_type_name();
+    if (type.starts_with("FLOAT"))
+      option->transform(CLI::Validator([](std::string& text) { return CheckFinite(text); }, ""));
     const bool is_unsigned = type.starts_with("UINT");
     if (!is_unsigned && !type.starts_with("INT")) continue;
     // before all checks: ranges look at what it makes
@@ -111,6 +128,11 @@ CLI::Validator EndsWith(const std::vector<std::string>& endings) {
         return known ? std::string() : fmt::format("'{}' must end with {}", file, wanted);
       },
       "");
+}
+
+CLI::Validator NamesAPlace() {
+  return CLI::Validator(
+      [](const std::string& name) { return name.empty() ? std::string("it is empty") : std::string(); }, "");
 }
 
 }  // namespace etude

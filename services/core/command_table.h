@@ -27,5 +27,7 @@ std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);
 
 /// For options that name a file to write: its ending, one of these, says what is written.
 CLI::Validator EndsWith(const std::vector<std::string>& endings);
+/// For options that name a place to write to: "" is what a variable that is not set makes of it.
+CLI::Validator NamesAPlace();
 
 }  // namespace etude

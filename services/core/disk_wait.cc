@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/core/disk_wait.h"
 
+#include <unistd.h>
+
+#include <cerrno>
+
 #include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
@@ -21,6 +25,11 @@ Status WriteWhenThereIsRoom(const std::string& what, const std::function<Status(
     if (before_pause) before_pause();
     if (WaitForStop(pause)) return written;
   }
+}
+
+Status CheckMayWrite(const Path& folder) {
+  if (::access(folder.c_str(), W_OK | X_OK) == 0 || errno != EACCES) return {};
+  return Fail(ErrnoError("write into", folder, EACCES));
 }
 
 }  // namespace etude

@@ -6,6 +6,7 @@
 #include <functional>
 #include <string>
 
+#include "services/core/file.h"
 #include "services/core/result.h"
 
 namespace etude {
@@ -19,5 +20,9 @@ namespace etude {
 Status WriteWhenThereIsRoom(const std::string& what, const std::function<Status()>& write,
                             std::chrono::milliseconds pause = std::chrono::milliseconds(1000),
                             const std::function<void()>& before_pause = {});
+
+/// Asked before such a wait: a folder that must not be written has no less room tomorrow.
+/// @error kUnavailable: it is not allowed
+Status CheckMayWrite(const Path& folder);
 
 }  // namespace etude

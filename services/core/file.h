@@ -37,8 +37,8 @@ Status WriteAll(int fd, const Path& path, std::string_view text);
 /// Writes what nobody else may read: mode 0600 from the first byte on. @error kUnavailable when the file is there
 Status WriteSecret(const Path& path, std::string_view text);
 
-/// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name
-/// in the same folder, fsync, rename, fsync of the folder. Makes missing parent folders.
+/// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name beside it, fsync,
+/// rename, fsync of the folder. Makes missing parent folders; a device or a pipe is written to as it is.
 /// On error no temporary file is left, and the old file is unchanged unless only the fsync of the folder failed.
 Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes);
 Status WriteFileAtomically(const Path& path, std::string_view text);

@@ -63,9 +63,19 @@ void InstallHangUp() {
   ::sigaction(SIGHUP, &action, nullptr);
 }
 
+// Of a stream that was closed (`>&- 2>&-`) the next file that is opened would have the number, and what is printed.
+// This one takes no words, as a closed one.
+void OpenClosedStreams() {
+  int fd = -1;
+  do fd = ::open("/dev/null", O_RDONLY);
+  while (fd >= 0 && fd <= STDERR_FILENO);
+  if (fd >= 0) ::close(fd);
+}
+
 }  // namespace
 
 void InstallStopSignals() {
+  OpenClosedStreams();  // before anything else is opened
   StopPipe();
   struct sigaction action {};
   action.sa_handler = OnSignal;

@@ -71,7 +71,8 @@ Result<bus::PlayState> Client::Find(const std::string& session, std::chrono::nan
     const auto found = impl_->sessions.find(session);
     if (found != impl_->sessions.end()) return found->second.state;
     const auto left = deadline - MonotonicClock::now();
-    if (left <= 0ns || StopRequested())
+    if (StopRequested()) return Fail(Code::kTimeout, "stopped");
+    if (left <= 0ns)
       return Fail(Code::kNotFound, fmt::format("no play session '{:.64}' is live: `etude play list` shows those that "
                                                "are, `etude play open` opens one",
                                                session));

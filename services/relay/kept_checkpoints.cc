@@ -147,7 +147,18 @@ Status KeptCheckpoints::Keep(const bus::PublishedBlob& blob) {
 // The record first: what it names must be there.
 Status KeptCheckpoints::Forget(const std::string& channel) {
   auto channels = channels_;
-  if (channels.erase(channel) == 0) return {};
+  const auto forgotten = channels.extract(channel);
+  if (!forgotten) return {};
+  // It may be the only copy of a run that has gone, and the key the wrong one: it has another name before the record
+  // forgets this one.
+  const Path file = folder_ / forgotten.mapped().file, aside = folder_ / ("refused-" + forgotten.mapped().file);
+  std::error_code error;
+  std::filesystem::create_hard_link(file, aside, error);
+  if (error == std::errc::operation_not_permitted || error == std::errc::operation_not_supported ||
+      error == std::errc::function_not_supported)
+    std::filesystem::copy_file(file, aside, std::filesystem::copy_options::overwrite_existing, error);
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::file_exists)
+    return Fail(ErrnoError("set aside", file, error.value()));
   ETUDE_RETURN_IF_ERROR(WriteRecord(channels));
   channels_ = std::move(channels);
   RemoveOthers();

@@ -54,7 +54,8 @@ class KeptCheckpoints {
   /// @error kInvalidArgument: no plain channel, too many of them, older than what is kept, or another one of its
   /// version; kUnavailable: the disk, and nothing has changed
   Status Keep(const bus::PublishedBlob& blob);
-  /// Removes what is kept of a channel, and its version counts no more. Of a channel that is not kept: nothing.
+  /// Sets aside what is kept of a channel, as refused-NAME, its bytes alone: it is not offered, and its version counts
+  /// no more. Of a channel that is not kept: nothing.
   /// @error kUnavailable: the disk; it is kept
   Status Forget(const std::string& channel);
 

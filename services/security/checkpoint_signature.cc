@@ -216,7 +216,10 @@ Status CheckpointVerifier::Check(const Published& published, const std::string& 
   ETUDE_RETURN_IF_ERROR(impl_->CheckSignature(published, meta_json));
   const std::string key = published.owner + "/" + published.channel;
   ETUDE_ASSIGN_OR_RETURN(const Descriptor lock, LockFloor(impl_->floor_file));
-  ETUDE_ASSIGN_OR_RETURN(Json floor, ReadFloor(impl_->floor_file));
+  auto read = ReadFloor(impl_->floor_file);
+  // that says nothing of what is judged: it is judged again, and what a relay keeps stays
+  if (!read) return Fail(Code::kUnavailable, read.error().message);
+  Json floor = std::move(*read);
   if (floor.contains(key)) {
     const auto& kept = floor[key];
     const auto version = kept["version"].get<std::uint64_t>();

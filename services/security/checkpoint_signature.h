@@ -59,7 +59,7 @@ class CheckpointVerifier {
   ~CheckpointVerifier();
 
   /// Ok: signed, and not older than the floor, which is then raised (durably).
-  /// @error kCorrupt: not signed, altered, or no floor in its file; kInvalidArgument: older than the floor, or another
+  /// @error kCorrupt: not signed, or altered; kInvalidArgument: older than the floor, or another
   /// one of its version; kUnavailable: the floor cannot be read, locked or written
   Status Check(const Published& published, const std::string& meta_json);
   const Path& floor() const;

@@ -17,8 +17,8 @@ namespace etude {
 ///   6  libm and llvmpipe in the same variants on every CPU (services/core/pinned_process.h)
 ///   7  a jaw that stays is a finger; arms of five joints are disturbed; obstacles stand clear of wide objects; a level
 ///      hand pushes deep ones; fingers that hear late (control_delay) are waited for
-///   8  every robot meets every task: robots' and tasks' turns that ended together do not
-inline constexpr std::uint32_t kContentVersion = 8;
+///   8  every robot meets every task: robots' and tasks' turns that ended together do not (9: nor weighted ones)
+inline constexpr std::uint32_t kContentVersion = 9;
 
 /// The same of what only rollouts have: how a policy's answers are followed. Part of their SpecHash alone, so that
 /// collected datasets go on.

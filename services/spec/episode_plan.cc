@@ -2,6 +2,7 @@
 #include "services/spec/episode_plan.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <numeric>
 #include <set>
@@ -17,12 +18,26 @@ namespace {
 constexpr std::uint64_t kObstacleBlock = 20;     // episodes after which the share of obstacles in the way is exact
 constexpr std::uint64_t kLongestPattern = 1000;  // of weighted tasks
 
+// Episodes after which the tasks' turns begin anew: once every task's share is a whole number.
+std::uint64_t TaskRound(const CampaignSpec& spec) {
+  if (spec.task_weights.empty()) return spec.tasks.size();
+  const double total = std::accumulate(spec.task_weights.begin(), spec.task_weights.end(), 0.0);
+  constexpr double kWhole = 1e-6;
+  for (std::uint64_t round = 1; round < kLongestPattern; ++round)
+    if (std::ranges::all_of(spec.task_weights, [&](double weight) {
+          const double count = weight / total * static_cast<double>(round);
+          return std::abs(count - std::round(count)) < kWhole;
+        }))
+      return round;
+  return kLongestPattern;
+}
+
 std::string DrawTask(const CampaignSpec& spec, std::uint64_t index) {
   ETUDE_CHECK(!spec.tasks.empty());
   if (spec.task_weights.empty()) return spec.tasks[index % spec.tasks.size()];
 
   // Largest deficit first (as in smooth weighted round-robin): after any prefix, every task's count is
-  // within one of its share. The pattern repeats once all shares are whole numbers; kLongestPattern is a bound.
+  // within one of its share. The pattern repeats after TaskRound; kLongestPattern is a bound.
   double total = 0;
   for (double weight : spec.task_weights) total += weight;
   std::vector<double> credit(spec.tasks.size(), 0.0);
@@ -172,7 +187,7 @@ namespace {
 // The robots in turn. Where their rounds and those of the tasks (or sentences) end together, the next round begins with
 // another robot: else each of them would never meet some.
 const std::string& RobotOf(const CampaignSpec& spec, std::uint64_t index) {
-  const std::uint64_t things = SentenceOf(spec, index) ? spec.rollout.sentences.size() : spec.tasks.size();
+  const std::uint64_t things = SentenceOf(spec, index) ? spec.rollout.sentences.size() : TaskRound(spec);
   const std::uint64_t robots = spec.robots.size(), round = robots * kEpisodesPerScene;
   const bool together = std::gcd(things, round) > kEpisodesPerScene;
   const std::uint64_t rounds = together ? index / std::lcm(things, round) : 0;

@@ -327,7 +327,8 @@ Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<st
   JournalLines found = ReadJournal(path, bytes_of, found_row);
   if (const auto dropped = std::ranges::count(found.stands, false); dropped > 0) {
     Log().info("{}: lines without their episode are dropped count={}", path.string(), dropped);
-    ETUDE_RETURN_IF_ERROR(RewriteJournal(path, found.stands));
+    // readers pass such lines over, and the next start drops them
+    if (const Status cleaned = RewriteJournal(path, found.stands); !cleaned) Log().warn("{}", cleaned.error().message);
   }
   ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(path));
   CommitJournal journal(std::move(lines));

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <fstream>
 #include <functional>
 #include <map>
 
@@ -196,6 +197,29 @@ TEST_F(CheckpointFaults, F10ATrainerWaitsForRoomAndLosesNothing) {
       "F10",
       "no room for a trainer's second checkpoint: it waits with words, and goes on when there is; losses and "
       "last checkpoint bit for bit those of a calm run");
+}
+
+// before, it ended with code 3, and `etude up` with it
+TEST_F(CheckpointFaults, F10ATrainerThatBeginsOnAFullDiskWaits) {
+  const Path run = FolderOf("begun_full");
+  const SmallDisk disk(run, "16m");
+  if (!disk.mounted()) GTEST_SKIP() << "F10 on a small tmpfs needs root";
+  {
+    std::ofstream ballast(run / "ballast", std::ios::binary);
+    const std::string block(4096, 'x');
+    while (ballast.write(block.data(), static_cast<std::streamsize>(block.size())).flush()) {
+    }
+  }
+  auto trainer = StartTrainer("begun_full", false);
+  const std::string words = "the disk does not take";
+  ASSERT_TRUE(WaitUntil([&] { return Logs("begun_full").find(words) != std::string::npos; })) << Logs("begun_full");
+  EXPECT_TRUE(trainer.running());
+  std::filesystem::remove(run / "ballast");
+  ASSERT_TRUE(disk.Grow("256m"));
+  ASSERT_EQ(trainer.Wait(120s), 0) << Logs("begun_full");
+  EXPECT_EQ(Validations(run), Validations(FolderOf("calm")));
+  ReportAsserted("F10",
+                 "a trainer that begins on a full disk waits with words; losses bit for bit those of a calm run");
 }
 
 // ---- checkpoints on their way -------------------------------------------------------------------------

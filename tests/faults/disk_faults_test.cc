@@ -98,6 +98,17 @@ double MostResidentMb(const CampaignRun& run, pid_t collector, std::uint32_t dom
   return most;
 }
 
+// before, it ended, and a service that ended so five times stays down
+TEST(Faults, F10ACollectorThatIsStartedOnAFullDiskWaits) {
+  CampaignRun run({.name = "f10d", .domain = 93, .episodes = 12, .ms_per_attempt = 60});
+  run.StartCollector();
+  run.StartWorker();
+  run.WaitForCommitted(3);
+  run.StartCollector(With(Shim(run.dataset()), "ETUDE_SHIM_FAIL", "write:ENOSPC:1:4"));
+  ReportRow("F10", "collector started again on a disk that is full for seconds", run.Finish());
+  EXPECT_NE(run.Logs().find("the disk took the collector's epoch"), std::string::npos) << run.Logs();
+}
+
 TEST(Faults, F10AFullDiskCostsNoMoreMemoryThanIsStated) {
   constexpr std::uint32_t kDomain = 93;
   constexpr double kMaxMemoryMb = 16, kUnderWayMb = 80;

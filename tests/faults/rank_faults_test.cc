@@ -23,7 +23,7 @@ namespace rank_faults_test {
 using namespace std::chrono_literals;
 
 constexpr int kTogether = 50;  // steps between two validations
-constexpr int kAll = 600;      // of a run: some seconds behind the first validation
+constexpr int kAll = 300;      // of a run: some seconds behind the first validation
 
 class RankFaults : public testing::Test {
  protected:

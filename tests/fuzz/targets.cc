@@ -9,9 +9,12 @@
 #include "services/core/check.h"
 #include "services/core/config.h"
 #include "services/core/hash.h"
+#include "services/episode/attempt_times.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/spec/campaign_spec.h"
+#include "services/spec/object_names.h"
+#include "services/spec/sampling_weights.h"
 #include "services/spec/task_spec.h"
 #include "services/store/episode_file.h"
 #include "services/store/safetensors.h"
@@ -96,6 +99,15 @@ void JsonOfTheBus(Input bytes) {
   if (!json) return;
   const auto spec = FromJson<CampaignSpec>(*json, "fuzz");
   if (spec) (void)spec->Validate();
+  // what collectors hear of a run's errors, and workers of weights
+  static const CampaignSpec followed = [] {
+    CampaignSpec made = SyntheticSpec();
+    made.adaptive_sampling.share = 0.5;
+    return made;
+  }();
+  (void)ParseWeights(TextOf(bytes), followed);
+  (void)ParseErrorCells(TextOf(bytes), followed);
+  (void)TimesOf(*json);
 }
 
 void YamlSpecs(Input bytes) {
@@ -128,6 +140,14 @@ Bytes Chunks() {
   return bytes;
 }
 
+SamplingWeights ExampleWeights(const CampaignSpec& spec) {
+  SamplingWeights weights;
+  for (const auto& task : spec.tasks) weights.tasks[task] = 1;
+  for (const auto& object : spec.objects) weights.objects[ObjectNoun(object)] = 2;
+  weights.places.assign(kPlaces, 0.5);
+  return weights;
+}
+
 std::vector<Target> Make() {
   const CampaignSpec spec = SyntheticSpec();
   const Episode episode = MakeSyntheticEpisode(spec, 3, 6);
@@ -145,7 +165,7 @@ std::vector<Target> Make() {
           {"safetensors", Tensors, {store::EncodeSafetensors(tensors)}},
           {"cdr", Cdr, {CdrChunk()}},
           {"manifest_assembly", ManifestAssembly, {Chunks()}},
-          {"bus_json", JsonOfTheBus, {BytesOf(ToJson(spec).dump())}},
+          {"bus_json", JsonOfTheBus, {BytesOf(ToJson(spec).dump()), BytesOf(WeightsText(ExampleWeights(spec)))}},
           {"yaml", YamlSpecs, {BytesOf(ToYaml(ToJson(spec)))}}};
 }
 

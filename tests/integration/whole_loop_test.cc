@@ -83,7 +83,7 @@ class WholeLoop : public testing::Test {
   // In the place of the one that has ended: all is there already, and its policy server stays.
   Result<campaign::Process> KeepRunning() {
     return campaign::Process::Start(
-        {{Binary("etude").string(), "up", (folder_ / "up.yaml").string(), "--out", out_.string(), "--minutes", "0.6",
+        {{Binary("etude").string(), "up", (folder_ / "up.yaml").string(), "--out", out_.string(), "--minutes", "0.4",
           "--domain", std::to_string(kDomain), "--set", "eval.seed=3", "--no-dashboard", "--keep-running"},
          folder_ / "kept.log",
          {}});
@@ -99,7 +99,7 @@ class WholeLoop : public testing::Test {
     ASSERT_TRUE(kept.has_value());
     std::ofstream(folder_ / "campaign.yaml", std::ios::app) << "image_stride: 8\n";
     const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
-                           out_.string() + " --minutes 0.6 --set eval.seed=3 --no-dashboard --domain " +
+                           out_.string() + " --minutes 0.4 --set eval.seed=3 --no-dashboard --domain " +
                            std::to_string(kDomain) + " > " + log_.string() + " 2>&1";
     EXPECT_EQ(RunCommand(up), kExitUsage) << ReadTextFile(log_).value_or("");
     EXPECT_NE(ReadTextFile(log_).value_or("").find("image_stride"), std::string::npos);
@@ -131,7 +131,7 @@ class WholeLoop : public testing::Test {
 TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   WriteConfigs();
   const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
-                         out_.string() + " --minutes 0.6 --domain " + std::to_string(kDomain) +
+                         out_.string() + " --minutes 0.4 --domain " + std::to_string(kDomain) +
                          " --set eval.seed=3 --dashboard-port 0 > " + log_.string() + " 2>&1";
   ASSERT_EQ(RunCommand(up), 0) << ReadTextFile(log_).value_or("");
 
@@ -183,6 +183,41 @@ TEST_F(WholeLoop, GoesThroughUnderSecurity) {
   const Json eval = Json::parse(ReadTextFile(evaluation->path() / "eval.json").value_or("{}"));
   ASSERT_EQ(eval.value("per_episode", Json::array()).size(), 1u) << ReadTextFile(log_).value_or("");
   EXPECT_NE(eval["per_episode"][0].value("outcome", ""), "policy_error");
+}
+
+// that it publishes what it errs on, and that the collection it hosts leases more of it
+TEST_F(WholeLoop, ATrainingThatHostsItsCollectionAsksForWhatItLacks) {
+  std::ofstream(folder_ / "campaign.yaml") << "name: lacks\nepisodes: 400\nsplit: {train: 0.7, valid: 0.3}\n"
+                                              "adaptive_sampling: {share: 0.5, every: 10}\n";
+  const std::string domain = std::to_string(kDomain);
+  std::vector<std::string> words{Binary("etude").string(),
+                                 "train",
+                                 "--collect",
+                                 (folder_ / "campaign.yaml").string(),
+                                 "--config",
+                                 "compact",
+                                 "--out",
+                                 (folder_ / "run").string(),
+                                 "--steps",
+                                 "2000",
+                                 "--domain",
+                                 domain};
+  for (const char* set : {"curriculum.enabled=false", "data.batch=16", "data.min_episodes=6", "data.min_valid=2",
+                          "eval.every_steps=10", "eval.frames=48"})
+    words.insert(words.end(), {"--set", set});
+  auto trainer = campaign::Process::Start({words, log_, {}});
+  ASSERT_TRUE(trainer) << trainer.error().message;
+  auto worker = campaign::Process::Start(
+      {{Binary("etude").string(), "worker", "--campaign", "lacks", "--domain", domain}, folder_ / "worker.log", {}});
+  ASSERT_TRUE(worker) << worker.error().message;
+  const auto asked = [&] {
+    const auto journal = ReadTextFile(folder_ / "run" / "dataset" / "sampling.jsonl");
+    return journal && journal->find("from_index") != std::string::npos;
+  };
+  EXPECT_TRUE(WaitUntil([&] { return asked() || !trainer->running(); }, std::chrono::minutes(3)));
+  EXPECT_TRUE(asked()) << ReadTextFile(log_).value_or("");
+  (void)worker->Stop(std::chrono::seconds(60));
+  (void)trainer->Stop(std::chrono::seconds(60));
 }
 
 }  // namespace whole_loop_test

@@ -36,17 +36,23 @@ Camera CameraOf(const CampaignSpec& spec, std::uint64_t index) {
 std::vector<std::uint8_t> Draw(const Camera& camera, std::vector<Disc> discs) {
   const auto depth = [&](const Disc& disc) { return -(camera.X_WC.inverse() * disc.p_W).z(); };
   std::stable_sort(discs.begin(), discs.end(), [&](const Disc& a, const Disc& b) { return depth(a) > depth(b); });
+  struct Circle {
+    Eigen::Vector2d center;
+    double radius;
+    std::array<std::uint8_t, 3> color;
+  };
+  std::vector<Circle> circles;
+  for (const Disc& disc : discs)
+    circles.push_back(
+        {camera.Project(disc.p_W), std::max(1.0, camera.focal() * disc.radius / depth(disc)), disc.color});
   std::vector<std::uint8_t> pixels(static_cast<std::size_t>(camera.width) * camera.height * 3);
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       const int grain = (u * 7 + v * v) % 13;
       std::array<std::uint8_t, 3> color{static_cast<std::uint8_t>(160 + grain), static_cast<std::uint8_t>(112 + grain),
                                         static_cast<std::uint8_t>(74 + grain)};
-      for (const Disc& disc : discs) {
-        const Eigen::Vector2d center = camera.Project(disc.p_W);
-        const double radius = std::max(1.0, camera.focal() * disc.radius / depth(disc));
-        if ((Eigen::Vector2d(u + 0.5, v + 0.5) - center).norm() <= radius) color = disc.color;
-      }
+      for (const Circle& circle : circles)
+        if ((Eigen::Vector2d(u + 0.5, v + 0.5) - circle.center).norm() <= circle.radius) color = circle.color;
       std::copy(color.begin(), color.end(), &pixels[3 * (static_cast<std::size_t>(v) * camera.width + u)]);
     }
   }

@@ -20,6 +20,19 @@
 namespace etude {
 namespace fingerprint_test {
 
+#if defined(__x86_64__)
+__attribute__((noinline, target("fma"), optimize("O2"))) double ProductAndSum(double a, double b, double c) {
+  return a * b + c;
+}
+
+// deploy/cmake/functions.cmake: where a compiler may fuse them, one rounding is left out
+TEST(FloatingPoint, ProductsAndSumsAreRoundedApart) {
+  if (!__builtin_cpu_supports("fma")) GTEST_SKIP() << "this CPU fuses nothing";
+  const volatile double a = 1 + 0x1p-30, b = 1 - 0x1p-30, c = -1;
+  EXPECT_EQ(ProductAndSum(a, b, c), 0) << "fused it is -2^-60";
+}
+#endif
+
 TEST(LibmProbe, IsTheSameEachTimeAndOnEachThread) {
   const std::string first = LibmProbe();
   EXPECT_EQ(first.size(), 64u);

@@ -55,7 +55,19 @@ Status BeginWithCheckpoint(TrainingRun& run, std::vector<std::shared_ptr<policy:
   if (surgery.copied.contains("language")) AddWords(source.metadata.words, run);
   run.scheduler->StartAt(checkpoint::FirstLevelToLearn(run.config.policy, surgery));
   LogSurgery(source, surgery, init);
+  if (const std::string other = OtherRecipe(source.metadata, run.config); !other.empty())
+    Log().warn(
+        "it was trained by experiment '{0}' and goes on by '{1}' (optimizer, pictures, curriculum); --config {0} "
+        "--set policy=checkpoint goes on by its own",
+        other, run.config.name);
   return {};
+}
+
+std::string OtherRecipe(const checkpoint::Metadata& source, const TrainConfig& config) {
+  const auto& trained = source.train_config;
+  if (!trained.is_object() || !trained.contains("name") || !trained["name"].is_string()) return "";
+  const auto name = trained["name"].get<std::string>();
+  return name == config.name ? "" : name;
 }
 
 Status CheckNothingIsKept(const InitConfig& init) {

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "trainer/learn/run.h"
@@ -14,6 +15,10 @@ namespace etude::learn {
 /// records, words, the level at which there is something to learn. @pre run.scheduler is there
 /// @error as checkpoint::ReadFile and checkpoint::Operate
 Status BeginWithCheckpoint(TrainingRun& run, std::vector<std::shared_ptr<policy::Policy>>& policies);
+
+/// The experiment that trained `source`, where this run's is another one: with a checkpoint comes its graph alone, not
+/// how it was trained. "": it is the same, or not known
+std::string OtherRecipe(const checkpoint::Metadata& source, const TrainConfig& config);
 
 /// Of a run that begins with no checkpoint. @error kInvalidArgument: parts that are to stay as they are
 Status CheckNothingIsKept(const InitConfig& init);

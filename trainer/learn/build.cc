@@ -15,6 +15,7 @@
 #include "trainer/learn/await_data.h"
 #include "trainer/learn/begin.h"
 #include "trainer/learn/build_data.h"
+#include "trainer/learn/keep.h"
 #include "trainer/learn/run.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/language_encoder.h"
@@ -49,10 +50,12 @@ Status OpenTextEncoder(TrainingRun& run) {
   language.sha256 = run.text_encoder->sha256();
   Log().info("language: CLIP's text tower of '{}', {} numbers a sentence, content {:.12}, frozen", folder.string(),
              run.text_encoder->width(), language.sha256);
-  if (run.config.data.varied > 0 || run.config.data.noisy > 0)
+  const auto& data = run.config.data;
+  if (data.varied > 0 || data.noisy > 0 || data.strange > 0 || data.masked > 0)
     Log().warn(
-        "sentences are drawn with synonyms or typing errors: each new one goes through CLIP's tower; data.varied=0 "
-        "data.noisy=0 keep to the templates, which are embedded once");
+        "sentences are drawn with synonyms, typing errors or words of no sense: each new one goes through CLIP's "
+        "tower; "
+        "data.varied=0 data.noisy=0 data.strange=0 data.masked=0 keep to the templates, which are embedded once");
   return {};
 }
 
@@ -239,8 +242,11 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
     Log().warn("{} episodes could not be read and are left out; `etude dataset verify --keep` says why",
                run->dataset->unread());
   if (!options.ranks || options.ranks->leads()) {
-    ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
-    run->log = std::make_unique<MetricsLog>(std::move(opened));
+    ETUDE_RETURN_IF_ERROR(WriteOrWait(*run, "metrics.jsonl", [&]() -> Status {
+      ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
+      run->log = std::make_unique<MetricsLog>(std::move(opened));
+      return {};
+    }));
   }
   Log().info(
       "training '{}': {} parameters to train, {} replicas, batch {} x {} sentences, {} training and {} validation "

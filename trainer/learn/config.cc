@@ -91,18 +91,11 @@ class Resolver {
   // an entry that says a level makes a module; others give an existing one more to read
   static Status CheckNew(const OrderedJson& graph, const OrderedJson& addition, const std::string& own,
                          const std::string& name) {
-    const auto modules = [](const OrderedJson& json) {
-      return json.is_object() && json.contains("modules") ? json["modules"] : OrderedJson::array();
-    };
-    const auto name_of = [](const OrderedJson& module) {
-      return module.is_object() && module.contains("name") ? module["name"] : OrderedJson();
-    };
     std::vector<std::string> there;
-    for (const auto& module : modules(graph))
-      if (name_of(module).is_string()) there.push_back(name_of(module).get<std::string>());
-    for (const auto& entry : modules(addition)) {
-      if (!name_of(entry).is_string()) continue;  // whoever reads the graph says what is wrong
-      const auto word = name_of(entry).get<std::string>();
+    for (const auto& entry : policy::ModuleEntries(graph)) there.push_back(policy::EntryName(entry));
+    for (const auto& entry : policy::ModuleEntries(addition)) {
+      const std::string word = policy::EntryName(entry);
+      if (word.empty()) continue;  // whoever reads the graph says what is wrong
       const bool makes = entry.contains("level"), known = std::ranges::find(there, word) != there.end();
       if (makes && known)
         return Fail(Code::kInvalidArgument, fmt::format("add '{}': '{}' has a module \"{}\" already", name, own, word));

@@ -110,7 +110,10 @@ Result<EventFile> EventFile::Open(const Path& folder) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
   EventFile file(path, fd);
-  ETUDE_RETURN_IF_ERROR(AppendWhole(fd, path, Bytes(VersionRecord(now))));
+  if (Status begun = AppendWhole(fd, path, Bytes(VersionRecord(now))); !begun) {
+    ::unlink(path.c_str());  // it is tried again under another name
+    return Fail(std::move(begun.error()));
+  }
   return file;
 }
 

@@ -32,7 +32,10 @@ Attended Attention::Forward(const torch::Tensor& query, const Keys& keys) {
 
   // (B, h, S, P + n)
   std::vector<torch::Tensor> logits;
+  constexpr double kNever = -1e9;  // no infinity: who attends to nothing at all would be no number
   if (image) logits.push_back(ImageLogits(q, keys.image_key));
+  if (image && keys.image_unattended.defined())
+    logits.back() = logits.back().masked_fill(keys.image_unattended, kNever);
   if (other) logits.push_back(OtherLogits(q, keys.other_key));
   const torch::Tensor all = logits.size() == 1 ? logits[0] : torch::cat(logits, -1);
   const torch::Tensor weights = torch::softmax(all.to(query.scalar_type()), -1);

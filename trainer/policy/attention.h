@@ -14,6 +14,7 @@ namespace etude::policy {
 struct Keys {
   torch::Tensor image_key, image_value;  ///< (B, P, d) both, or both undefined
   torch::Tensor image_pixels;            ///< (P, 2) px, with image_key
+  torch::Tensor image_unattended;        ///< (P) bool: keys that have no share; undefined: all may
   torch::Tensor other_key, other_value;  ///< (B, S or 1, n, d) both, or both undefined
 };
 

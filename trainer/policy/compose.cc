@@ -8,6 +8,10 @@
 namespace etude::policy {
 namespace {
 
+bool HasModules(const OrderedJson& policy) {
+  return policy.is_object() && policy.contains("modules") && policy["modules"].is_array();
+}
+
 bool IsAdditive(const std::string& key) { return key == "reads" || key == "attend" || key == "inputs"; }
 
 // objects key by key; lists that name what is read grow, everything else is replaced
@@ -44,11 +48,19 @@ void FillIn(OrderedJson& own, const OrderedJson& entry) {
 
 }  // namespace
 
+OrderedJson ModuleEntries(const OrderedJson& policy) {
+  return HasModules(policy) ? policy["modules"] : OrderedJson::array();
+}
+
+std::string EntryName(const OrderedJson& entry) {
+  const bool named = entry.is_object() && entry.contains("name") && entry["name"].is_string();
+  return named ? entry["name"].get<std::string>() : "";
+}
+
 OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
   OrderedJson result = base;
   OrderedJson rest = addition;
-  if (result.is_object() && rest.is_object() && rest.contains("modules") && rest["modules"].is_array() &&
-      result.contains("modules") && result["modules"].is_array()) {
+  if (HasModules(result) && HasModules(rest)) {
     for (const auto& entry : rest["modules"]) {
       if (OrderedJson* own = FindByName(result["modules"], entry)) {
         FillIn(*own, entry);
@@ -64,10 +76,7 @@ OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
 }
 
 void KeepReads(const OrderedJson& before, OrderedJson& graph) {
-  const auto has_modules = [](const OrderedJson& json) {
-    return json.is_object() && json.contains("modules") && json["modules"].is_array();
-  };
-  if (!has_modules(before) || !has_modules(graph)) return;
+  if (!HasModules(before) || !HasModules(graph)) return;
   // of the rest nothing matters here, and it may be written in short
   const auto config = FromJson<PolicyConfig>(OrderedJson{{"modules", before["modules"]}}, "modules");
   if (!config) return;

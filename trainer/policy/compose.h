@@ -2,9 +2,16 @@
 // One policy's file on top of another's: how hierarchies grow. No torch here.
 #pragma once
 
+#include <string>
+
 #include "services/core/config.h"
 
 namespace etude::policy {
+
+/// What the map of a policy says of its modules; none where it has no list of them.
+OrderedJson ModuleEntries(const OrderedJson& policy);
+/// The module that such an entry is of; "" where it names none.
+std::string EntryName(const OrderedJson& entry);
 
 /// `base` with what `addition` says. A module that `base` has too is given what the addition's entry of that name
 /// reads, attends to and decodes from, in addition; its other keys are replaced, as every key of the policy is.

@@ -163,6 +163,7 @@ Keys GraphModule::CollectKeys(const Context& context) {
       keys.image_key = image.key;
       keys.image_value = image.value;
       keys.image_pixels = context.tokens.image_pixels;
+      keys.image_unattended = context.tokens.image_unattended;
       continue;
     }
     const Token token = TokenOf(name, context);

@@ -25,16 +25,17 @@ struct Token {
 
 /// What the encoders made of the inputs.
 struct Tokens {
-  Token image;                 ///< (B, P, d); undefined when no module reads it through the shared encoder
-  Token language;              ///< (B, S, d)
-  Token joints;                ///< (B, 1, d)
-  torch::Tensor sentence;      ///< (B, S, d) the language token before key and value heads
-  torch::Tensor joint_values;  ///< (B, 1, J) normalised
-  torch::Tensor joint_token;   ///< (B, 1, d) the joint token before key and value heads
-  torch::Tensor picture;       ///< (B, 3, h, w) uint8, what encoders of modules' own see
-  torch::Tensor image_pixels;  ///< (P, 2) px from the crop's corner
-  torch::Tensor crop_origin;   ///< (B, 2) px
-  torch::Tensor viewpoint;     ///< (B, kViewpointSize); undefined: not said
+  Token image;                     ///< (B, P, d); undefined when no module reads it through the shared encoder
+  Token language;                  ///< (B, S, d)
+  Token joints;                    ///< (B, 1, d)
+  torch::Tensor sentence;          ///< (B, S, d) the language token before key and value heads
+  torch::Tensor joint_values;      ///< (B, 1, J) normalised
+  torch::Tensor joint_token;       ///< (B, 1, d) the joint token before key and value heads
+  torch::Tensor picture;           ///< (B, 3, h, w) uint8, what encoders of modules' own see
+  torch::Tensor image_pixels;      ///< (P, 2) px from the crop's corner
+  torch::Tensor image_unattended;  ///< (P) bool: nobody attends to them; undefined: to none of them
+  torch::Tensor crop_origin;       ///< (B, 2) px
+  torch::Tensor viewpoint;         ///< (B, kViewpointSize); undefined: not said
 };
 
 /// Where a module stands among the others; indices are in the order of evaluation.

@@ -23,6 +23,12 @@ namespace {
 
 using torch::Tensor;
 
+// (P) bool: which of `pixels` (P, 2) lie in one of `rectangles` (R, 4): u0, v0, width, height.
+Tensor LieIn(const Tensor& rectangles, const Tensor& pixels) {
+  const Tensor all = rectangles.to(pixels.options()), corner = all.narrow(1, 0, 2), points = pixels.unsqueeze(1);
+  return ((points >= corner) & (points < corner + all.narrow(1, 2, 2))).all(-1).any(-1);
+}
+
 /// Seeds torch's generator, of which a process has one, for a scope and gives it back as it was.
 class SeededScope {
  public:
@@ -305,6 +311,7 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   if (look) {
     tokens.picture = ToDevice(inputs.images, device);
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
+    if (inputs.unattended.defined()) tokens.image_unattended = LieIn(inputs.unattended, tokens.image_pixels);
   }
   if (look_together) picture = image->Forward(tokens.picture, tokens.crop_origin);
   if (is_shared()) {

@@ -30,6 +30,8 @@ struct Inputs {
   std::vector<std::string> sentences;  ///< D distinct sentences
   torch::Tensor token_ids;             ///< instead of sentences, of one (LanguageEncoder::ForwardIds)
   torch::Tensor sentence_index;        ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
+  /// (R, 4) float: u0, v0, width, height, px from the crop's corner, of what no module attends to; undefined: nothing.
+  torch::Tensor unattended;
 };
 
 /// Labels by name, "target.position" (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does

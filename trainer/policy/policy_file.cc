@@ -33,23 +33,13 @@ std::vector<std::string> NamesIn(const Path& folder) {
   return names;
 }
 
-OrderedJson ModulesOf(const OrderedJson& map) {
-  const bool has = map.is_object() && map.contains("modules") && map["modules"].is_array();
-  return has ? map["modules"] : OrderedJson::array();
-}
-
-std::string NameOf(const OrderedJson& module) {
-  const bool named = module.is_object() && module.contains("name") && module["name"].is_string();
-  return named ? module["name"].get<std::string>() : "";
-}
-
 // A name that is misspelt would make one module more, which says nothing; two entries of a name would be one module.
 Status CheckEntries(const OrderedJson& base, const OrderedJson& json, const Path& path) {
   std::vector<std::string> there;
-  for (const auto& module : ModulesOf(base)) there.push_back(NameOf(module));
+  for (const auto& entry : ModuleEntries(base)) there.push_back(EntryName(entry));
   std::set<std::string> seen;
-  for (const auto& entry : ModulesOf(json)) {
-    const std::string name = NameOf(entry);
+  for (const auto& entry : ModuleEntries(json)) {
+    const std::string name = EntryName(entry);
     if (name.empty()) continue;  // whoever reads the graph says what is wrong
     if (!seen.insert(name).second)
       return Fail(Code::kInvalidArgument, fmt::format("{}: modules: '{}' stands twice", path.string(), name));

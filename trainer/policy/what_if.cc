@@ -29,18 +29,19 @@ bool AllNumbers(const OrderedJson& list) {
          });
 }
 
-Status ReadHide(const OrderedJson& list, WhatIf& what_if) {
+Status ReadRectangles(const std::string& key, const OrderedJson& list, std::vector<std::array<int, 4>>& rectangles) {
   if (!list.is_array() || list.size() > kMostHidden)
-    return Refuse(fmt::format("hide: must be a list of at most {} rectangles", kMostHidden));
+    return Refuse(fmt::format("{}: must be a list of at most {} rectangles", key, kMostHidden));
   for (const auto& item : list) {
-    if (!AllNumbers(item) || item.size() != 4) return Refuse("hide: a rectangle is [u0, v0, width, height], px");
+    if (!AllNumbers(item) || item.size() != 4)
+      return Refuse(fmt::format("{}: a rectangle is [u0, v0, width, height], px", key));
     std::array<int, 4> rectangle{};
     for (std::size_t i = 0; i < 4; ++i) {
       const double value = item[i].get<double>();
-      if (std::abs(value) > kFarthest) return Refuse("hide: a rectangle lies in no picture");
+      if (std::abs(value) > kFarthest) return Refuse(fmt::format("{}: a rectangle lies in no picture", key));
       rectangle[i] = static_cast<int>(value);
     }
-    what_if.hide.push_back(rectangle);
+    rectangles.push_back(rectangle);
   }
   return {};
 }
@@ -172,7 +173,9 @@ Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config) 
       if (!value.is_string()) return Refuse("sentence: must be a text");
       what_if.sentence = value.get<std::string>();
     } else if (key == "hide") {
-      ETUDE_RETURN_IF_ERROR(ReadHide(value, what_if));
+      ETUDE_RETURN_IF_ERROR(ReadRectangles(key, value, what_if.hide));
+    } else if (key == "look_away") {
+      ETUDE_RETURN_IF_ERROR(ReadRectangles(key, value, what_if.look_away));
     } else if (key == "say") {
       ETUDE_RETURN_IF_ERROR(ReadSay(value, config, what_if));
     } else if (key == "think") {
@@ -181,8 +184,8 @@ Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config) 
       if (!value.is_boolean()) return Refuse("worth: must be true or false");
       what_if.worth = value.get<bool>();
     } else {
-      return Refuse(
-          fmt::format("unknown key '{}'{}", key, Suggestion(key, {"sentence", "hide", "say", "think", "worth"})));
+      const std::vector<std::string> known{"sentence", "hide", "look_away", "say", "think", "worth"};
+      return Refuse(fmt::format("unknown key '{}'{}", key, Suggestion(key, known)));
     }
   }
   return what_if;
@@ -198,6 +201,16 @@ void Hide(const WhatIf& what_if, torch::Tensor images, const torch::Tensor& crop
     const auto bottom = std::clamp<std::int64_t>(std::lround(v + height - v0), top, rows);
     images.narrow(2, top, bottom - top).narrow(3, left, right - left).fill_(kGrey);
   }
+}
+
+torch::Tensor Unattended(const WhatIf& what_if, const torch::Tensor& crop_origin) {
+  if (what_if.look_away.empty()) return {};
+  const auto u0 = crop_origin[0][0].item<float>(), v0 = crop_origin[0][1].item<float>();
+  std::vector<torch::Tensor> rectangles;
+  for (const auto& [u, v, width, height] : what_if.look_away)
+    rectangles.push_back(torch::tensor({static_cast<float>(u) - u0, static_cast<float>(v) - v0,
+                                        static_cast<float>(width), static_cast<float>(height)}));
+  return torch::stack(rectangles);
 }
 
 Thoughts ThoughtsOf(const WhatIf& what_if, Policy& policy, Inputs inputs) {

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <regex>
 
+#include "services/core/disk_wait.h"
 #include "services/core/free_name.h"
 #include "services/core/hash.h"
 #include "services/core/link.h"
@@ -75,7 +76,8 @@ Status SetCheckpointsAside(const Path& run_folder, const Path& from) {
 }
 
 Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIdentity& run,
-                                            const bus::Participant* participant, int keep) {
+                                            const bus::Participant* participant, int keep,
+                                            const std::function<void()>& waiting) {
   CheckpointSink sink;
   sink.keep_ = keep;
   sink.folder_ = run_folder / "checkpoints";
@@ -83,7 +85,12 @@ Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIde
   ETUDE_RETURN_IF_ERROR(MakeFolders(sink.folder_));
   RemoveHalfWritten(sink.folder_);
   RemoveHalfWritten(run_folder);
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(StartsFile(run_folder), std::to_string(run.start)));
+  // who is started on a full disk waits for it, as who trains does
+  ETUDE_RETURN_IF_ERROR(CheckMayWrite(run_folder));
+  ETUDE_RETURN_IF_ERROR(WriteWhenThereIsRoom(
+      "the count of the run's starts",
+      [&] { return WriteFileAtomically(StartsFile(run_folder), std::to_string(run.start)); }, std::chrono::seconds(1),
+      waiting));
   std::error_code none;
   sink.best_ = fs::read_symlink(LinkOf(sink.folder_, kBest), none);
   if (participant) {

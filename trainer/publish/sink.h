@@ -2,6 +2,7 @@
 // Where a trainer's checkpoints go: files first, then the bus.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -43,9 +44,11 @@ class CheckpointSink {
  public:
   /// With a participant, checkpoints are published too, and those already in the folder at once,
   /// for subscribers that were there before a resumed run. What a killed run left half written is removed.
+  /// @param waiting  called once a second while the disk has no room: that is waited for
   /// @error kUnavailable (disk, bus).
   static Result<CheckpointSink> Open(const Path& run_folder, const RunIdentity& run,
-                                     const bus::Participant* participant, int keep = 3);
+                                     const bus::Participant* participant, int keep = 3,
+                                     const std::function<void()>& waiting = {});
 
   /// Under this run's name. Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
   /// does not take it is logged, not an error: the file is there and the next one will be tried.

@@ -86,6 +86,7 @@ Status Model::InspectInto(const bus::Observation& observation, const std::string
   if (what_if.empty()) return {};
   inputs.images = inputs.images.clone();
   policy::Hide(what_if, inputs.images, inputs.crop_origin);
+  inputs.unattended = policy::Unattended(what_if, inputs.crop_origin);
   if (!what_if.sentence.empty()) inputs.sentences = {what_if.sentence};
   auto thoughts = policy::ThoughtsOf(what_if, *policy_, inputs);
   const auto changed = policy_->Forward(inputs, 0, policy::SayInstead(what_if, metadata_.policy, std::move(thoughts)));

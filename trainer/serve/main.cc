@@ -230,6 +230,10 @@ struct Looking {
     watch->add_option("--sentence", watching.sentence, "what if this had been said?");
     watch->add_option("--hide", watching.hide, "what if this part of the picture were grey? U,V,WIDTH,HEIGHT, px")
         ->allow_extra_args(false);
+    watch
+        ->add_option("--look-away", watching.look_away,
+                     "what if no module attended to this part of the picture? U,V,WIDTH,HEIGHT, px")
+        ->allow_extra_args(false);
     watch->add_option("--say", watching.say, "what if a module said something else? TAR3D.position=[0.1,0.3,0.04]")
         ->allow_extra_args(false);
     watch->add_option("--think", watching.think, "what if its register were of another sentence? TAR2D='push the coke'")

@@ -7,6 +7,8 @@
 #include <thread>
 #include <utility>
 
+#include "services/bus/access.h"
+#include "services/bus/topic.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/thread_annotations.h"
@@ -33,6 +35,11 @@ Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant, con
   auto impl = std::make_unique<Impl>();
   impl->front.participant = &participant;
   if (options.robots) impl->robots.emplace(Front{.participant = options.robots, .insights = false});
+  for (Front* front : {&impl->front, impl->robots ? &*impl->robots : nullptr}) {
+    if (!front) continue;
+    ETUDE_ASSIGN_OR_RETURN(front->known,
+                           bus::Writer<bus::Presence>::Open(*front->participant, bus::kDirectoryPartition));
+  }
   impl->options = options;
   if (model) impl->Serve(options.run.id, std::move(model));
   return PolicyServer(std::move(impl));

@@ -138,8 +138,8 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
 Status PolicyServer::Impl::Judge(const bus::PublishedBlob& blob) {
   if (!options.accept) return {};
   Status judged = options.accept(blob);
-  if (!judged && judged.error().code != Code::kUnavailable) {  // that is judged again
-    ++refused;
+  if (!judged) {
+    if (judged.error().code != Code::kUnavailable) ++refused;  // that is judged again
     NoteRefusal(fmt::format("{}: {}", kOfCheckpoint, judged.error().message));
   }
   return judged;

@@ -59,6 +59,8 @@ struct Front {
   std::map<Asker, Asked> sessions = {};
   MonotonicClock::time_point looked = MonotonicClock::now();  // until then all that had come was taken
   std::optional<Stopwatch> since_status = {};
+  // Before there is a desk: who waits here is told by it that this is a server, and admits it.
+  std::optional<bus::Writer<bus::Presence>> known = {};
 };
 
 }  // namespace internal

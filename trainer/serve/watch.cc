@@ -20,11 +20,11 @@ namespace {
 
 constexpr std::chrono::milliseconds kLook{50};  // between two looks for what came
 
-Status AddHidden(const std::string& text, OrderedJson& what_if) {
+Status AddRectangle(const char* option, const std::string& text, OrderedJson& rectangles) {
   const auto rectangle = ParseBoundedJson("[" + text + "]");
   if (!rectangle || rectangle->size() != 4)
-    return Fail(Code::kInvalidArgument, fmt::format("--hide '{}': must be U,V,WIDTH,HEIGHT in px", text));
-  what_if["hide"].push_back(*rectangle);
+    return Fail(Code::kInvalidArgument, fmt::format("{} '{}': must be U,V,WIDTH,HEIGHT in px", option, text));
+  rectangles.push_back(*rectangle);
   return {};
 }
 
@@ -82,7 +82,9 @@ void Print(const bus::Insight& insight, bool as_json) {
 Result<std::string> WhatIfOf(const WatchOptions& options) {
   OrderedJson what_if = OrderedJson::object();
   if (!options.sentence.empty()) what_if["sentence"] = options.sentence;
-  for (const auto& text : options.hide) ETUDE_RETURN_IF_ERROR(AddHidden(text, what_if));
+  for (const auto& text : options.hide) ETUDE_RETURN_IF_ERROR(AddRectangle("--hide", text, what_if["hide"]));
+  for (const auto& text : options.look_away)
+    ETUDE_RETURN_IF_ERROR(AddRectangle("--look-away", text, what_if["look_away"]));
   for (const auto& text : options.say) ETUDE_RETURN_IF_ERROR(AddSaid(text, what_if));
   for (const auto& text : options.think) ETUDE_RETURN_IF_ERROR(AddThought(text, what_if));
   if (options.worth) what_if["worth"] = true;

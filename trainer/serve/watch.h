@@ -14,9 +14,11 @@ namespace etude::serve {
 
 struct WatchOptions {
   Selector run;
-  std::string session;             ///< "": anybody's
-  std::string sentence;            ///< what if this had been said
-  std::vector<std::string> hide;   ///< "U,V,WIDTH,HEIGHT" px
+  std::string session;            ///< "": anybody's
+  std::string sentence;           ///< what if this had been said
+  std::vector<std::string> hide;  ///< "U,V,WIDTH,HEIGHT" px
+  /// "U,V,WIDTH,HEIGHT" px: what nobody attends to
+  std::vector<std::string> look_away;
   std::vector<std::string> say;    ///< "TAR3D.position=[0.1, 0.3, 0.04]", "LANG.class=coke"
   std::vector<std::string> think;  ///< "LANG=push the coke", "LANG=zero"
   std::uint64_t count = 0;         ///< insights until it ends; 0: until a stop request

@@ -197,8 +197,11 @@ Status Import(const Arguments& arguments) {
 Status Gallery(const Arguments& arguments) {
   std::error_code error;
   std::vector<Path> folders;
-  for (const auto& entry : std::filesystem::directory_iterator(arguments.folder, error))
-    if (std::filesystem::exists(entry.path() / "object.yaml")) folders.push_back(entry.path());
+  for (std::filesystem::directory_iterator item(arguments.folder, error), end; !error && item != end;
+       item.increment(error)) {
+    std::error_code unreadable;  // lost+found, say
+    if (std::filesystem::exists(item->path() / "object.yaml", unreadable)) folders.push_back(item->path());
+  }
   if (error) return Fail(ErrnoError("list", arguments.folder, error.value()));
   if (folders.empty()) return Fail(Code::kNotFound, fmt::format("'{}' has no objects", arguments.folder));
   std::sort(folders.begin(), folders.end());

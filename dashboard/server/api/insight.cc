@@ -67,10 +67,10 @@ Result<std::string> WhatIfOf(const OrderedJson& body) {
   const OrderedJson& what_if = PartOf(body, "what_if");
   if (what_if.is_null()) return std::string();
   if (!what_if.is_object()) return Fail(Code::kInvalidArgument, "what_if: must be an object");
+  const std::vector<std::string> known{"sentence", "hide", "look_away", "say", "think", "worth"};
   for (const auto& [key, value] : what_if.items())
-    if (key != "sentence" && key != "hide" && key != "say" && key != "think" && key != "worth")
-      return Fail(Code::kInvalidArgument,
-                  "what_if: " + NotKnown(key.substr(0, 40), {"sentence", "hide", "say", "think", "worth"}));
+    if (std::ranges::find(known, key) == known.end())
+      return Fail(Code::kInvalidArgument, "what_if: " + NotKnown(key.substr(0, 40), known));
   return what_if.empty() ? std::string() : what_if.dump();
 }
 

@@ -173,7 +173,8 @@ void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
         of_campaign.insert(print->second);
     if (campaign.present && of_campaign.size() > 1)
       warnings.push_back(
-          Warning("fingerprint", campaign.presence.name + ": workers are ready for different work", "/fleet"));
+          Warning("fingerprint",
+                  campaign.presence.name + ": workers are ready for different work (other specs or files)", "/fleet"));
   }
 }
 

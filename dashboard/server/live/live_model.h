@@ -93,6 +93,8 @@ struct LiveView {
   std::vector<LivePolicy> policies;
   std::map<std::string, LiveServer> servers;  ///< by PolicyStatus::server, those heard within 10 s
   std::map<std::string, std::string> prints;  ///< worker -> what its work depends on, as a short hash
+  /// worker -> short hash of what its host's bytes depend on, as commits.jsonl has it
+  std::map<std::string, std::string> fingerprints;
   /// Those heard within a minute, less those that have ended: they took their endpoints with them at once. One that was
   /// killed stays, and is silent.
   monitor::Processes processes;

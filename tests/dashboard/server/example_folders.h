@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <string>
 
@@ -143,18 +144,32 @@ inline void WriteExampleEval(const Path& folder, std::uint64_t failed, std::uint
 class ExampleFolders {
  public:
   ExampleFolders() {
-    WriteExampleDataset(root() / "data");
-    WriteExampleRun(root() / "run");
-    WriteExampleEval(root() / "eval_a", 0);
-    WriteExampleEval(root() / "eval_b", 1);
-    WriteExampleEval(root() / "eval_other", 1, 9002);
-    EXPECT_TRUE(
-        WriteFileAtomically(root() / "logs" / "trainer.log",
-                            "17:22:57 info etude-trainer: begins\n17:22:58 warn etude-trainer: slow disk\nend\n"));
+    using std::filesystem::copy_options;
+    std::filesystem::copy(Made(), root(), copy_options::recursive | copy_options::copy_symlinks);
+    for (const char* folder : {"data", "run"}) EXPECT_TRUE(OpenIdentity(root() / folder));
   }
   Path root() const { return folder_ / "lab"; }
 
  private:
+  // Written once for all tests of a program, without the ids that each copy has for itself.
+  static Path Made() {
+    static const TemporaryFolder folder;
+    static const bool written = (Write(folder / "lab"), true);
+    (void)written;
+    return folder / "lab";
+  }
+  static void Write(const Path& lab) {
+    WriteExampleDataset(lab / "data");
+    WriteExampleRun(lab / "run");
+    for (const char* of : {"data", "run"}) std::filesystem::remove(lab / of / "identity.json");
+    WriteExampleEval(lab / "eval_a", 0);
+    WriteExampleEval(lab / "eval_b", 1);
+    WriteExampleEval(lab / "eval_other", 1, 9002);
+    EXPECT_TRUE(
+        WriteFileAtomically(lab / "logs" / "trainer.log",
+                            "17:22:57 info etude-trainer: begins\n17:22:58 warn etude-trainer: slow disk\nend\n"));
+  }
+
   TemporaryFolder folder_;
 };
 

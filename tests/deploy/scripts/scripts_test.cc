@@ -114,7 +114,7 @@ class SlurmScript : public Scripts {
   }
   auto Submit(const std::string& more, const std::string& by = "", const std::string& id = "7") {
     return Run("cd '" + folder_.path().string() + "' && ETUDE_BIN= SLURM_JOB_ID=" + id +
-               " SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=3 " + by + " bash " +
+               " SLURM_JOB_NODELIST=node1 ETUDE_WITHOUT_WORKERS_S=1 " + by + " bash " +
                std::filesystem::absolute("deploy/slurm/etude.sbatch").string() + " " + more);
   }
 };

@@ -70,8 +70,10 @@ Options OptionsOfSettings() {
 }
 
 void ExpectThatTheyAre(const Options& options, const std::string& where) {
+  static std::map<std::string, std::string> helps;  // by program: some take a second
   for (const auto& [program, names] : options) {
-    const std::string help = RunInShell((ProgramsFolder() / program).string() + " --help 2>&1").text;
+    std::string& help = helps[program];
+    if (help.empty()) help = RunInShell((ProgramsFolder() / program).string() + " --help 2>&1").text;
     for (const auto& name : names)
       EXPECT_TRUE(help.find(name + " ") != std::string::npos || help.find(name + ",") != std::string::npos)
           << where << ": " << program << " has no option " << name;

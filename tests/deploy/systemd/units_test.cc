@@ -145,5 +145,17 @@ TEST_F(UnitsTest, AreInstalledFromAFolderWithASpaceInItsName) {
   }
 }
 
+// before, a host that had followed the worker's unit had none after its next start
+TEST_F(UnitsTest, WhoEnablesOneIsToldOfTheTarget) {
+  std::string all = ReadTextFile("deploy/systemd/README.md").value_or("");
+  all += ReadTextFile("deploy/docs/tutorials/three_hosts.md").value_or("");
+  for (const auto& [name, text] : units_) all += text;
+  const std::string words = "systemctl enable --now ", target = "etude.target";
+  int told = 0;
+  for (std::size_t at = 0; (at = all.find(words, at)) != std::string::npos; at += words.size(), ++told)
+    EXPECT_EQ(all.substr(at + words.size(), target.size()), target);
+  EXPECT_GE(told, 5);
+}
+
 }  // namespace units_test
 }  // namespace etude

@@ -92,6 +92,7 @@ TEST(ParticipantOpen, SaysThatNoIndexIsFree) {
   const Error& error = third ? second.error() : third.error();
   EXPECT_EQ(error.code, Code::kUnavailable);
   EXPECT_NE(error.message.find("MaxAutoParticipantIndex"), std::string::npos) << error.message;
+  EXPECT_NE(error.message.find("--processes"), std::string::npos) << error.message;
 }
 
 TEST(ParticipantOpen, RefusesASecondProfileForOneDomain) {

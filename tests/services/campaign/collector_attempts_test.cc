@@ -202,6 +202,24 @@ class Beating {
   bus::WorkerStatus status_;
 };
 
+// a driver that hangs while the first picture is drawn: the thread that beats goes on
+TEST_F(CollectorAttempts, AWorkerThatBeatsAndNeverAsksIsNamedToItsSupervisor) {
+  CampaignSpec spec = Spec("unready", 2);
+  spec.stall_timeout_s = 1;
+  CollectorOptions soon;
+  soon.ready = 5s;
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", soon)));
+  Beating hung(*participant_, running, spec, bus::Lease{}, "hung");
+  std::vector<std::string> silent;
+  EXPECT_TRUE(WaitUntil([&] {
+    hung.Beat(0);
+    for (const auto& name : running->TakeSilent()) silent.push_back(name);
+    return !silent.empty();
+  }));
+  EXPECT_EQ(silent, std::vector<std::string>{"hung"});
+  EXPECT_EQ(running->progress().lost_leases, 0u);
+}
+
 TEST_F(CollectorAttempts, AWorkerThatBeatsAndDoesNotMoveLosesItsLease) {
   CampaignSpec spec = Spec("stall", 2);
   spec.stall_timeout_s = 3;

@@ -72,6 +72,7 @@ class RawWorker {
     request.host = participant.address();
     request.content = kContentVersion;
     request.files_sha256 = files_sha256;
+    (void)requests_.WaitForReaders(1, std::chrono::seconds(20));  // or the first request is lost
   }
 
   bus::Lease Ask() {

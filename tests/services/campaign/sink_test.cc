@@ -47,6 +47,17 @@ std::vector<OrderedJson> Lines(const Path& file) {
 
 OrderedJson Report(const Path& out) { return OrderedJson::parse(ReadTextFile(out / "eval.json").value_or("null")); }
 
+TEST(EvalSink, NowAndThenNoLinksAreWrittenThatAreThere) {
+  const TemporaryFolder folder;
+  auto sink = OpenSink(folder.path(), RolloutSpec(), {.run = "demo"}).value();
+  ASSERT_THAT(Commit(*sink, MakeSyntheticEpisode(RolloutSpec(), 0), Took(1)), IsOk());
+  ASSERT_THAT(sink->WriteProgress(), IsOk());
+  ASSERT_TRUE(std::filesystem::remove(folder / "rollouts/dataset.hdf5"));
+  ASSERT_THAT(sink->WriteProgress(), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(folder / "rollouts/dataset.hdf5"));
+  EXPECT_EQ(Report(folder.path())["done"], 1);
+}
+
 TEST(EvalSink, ARolloutIsARowAtOnceAndTheReportSaysOfWhat) {
   const TemporaryFolder folder;
   const CampaignSpec spec = RolloutSpec();

@@ -162,6 +162,68 @@ TEST_F(WorkerClientTest, AStandingWorkerIsAsPatientAsTheCollectorThatWasStartedA
   EXPECT_EQ(patience, (std::vector<double>{120, 600})) << "and more or fewer episodes make nothing anew";
 }
 
+// before, it asked the server of the evaluation before, which had gone: each of its rollouts failed
+TEST_F(WorkerClientTest, AStandingWorkerAsksThePolicyServerOfTheEvaluationThatGoesOn) {
+  const CampaignSpec spec = Spec("policy", 1000);
+  std::vector<std::string> asked;  // whom its work was made to ask
+  WorkerOptions options;
+  options.campaign = spec.name;
+  auto client = WorkerClient::Open(*participant_, options);
+  ASSERT_TRUE(client) << client.error().message;
+  std::jthread works([&] {
+    (void)client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
+      asked.push_back(joined.policy.substr(joined.policy.find('@') + 1));
+      return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
+    });
+  });
+  const std::vector<std::string> servers{"aaaa000000000001", "bbbb000000000002"};
+  CampaignSpec now = spec;
+  const auto open = [&](const std::string& server) {
+    CollectorOptions of_start;
+    of_start.policy_id = server;
+    return std::move(*Collector::Open(*participant_, now, folder_ / "data", of_start));
+  };
+  for (const auto& server : servers) {
+    Running running(open(server));
+    const auto before = running->progress().committed;
+    EXPECT_TRUE(WaitUntil([&] { return running->progress().committed > before; }));
+  }
+  now.episodes = 6;  // it is complete, and the worker goes home
+  Running running(open(servers.back()));
+  running.Join();
+  works.join();
+  EXPECT_EQ(asked, servers);
+}
+
+TEST_F(WorkerClientTest, EachEpisodeIsRecordedWithItsHostsFingerprint) {
+  CampaignSpec spec = Spec("printed", 40);
+  spec.determinism = "physics";
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  const auto print_of = [](const std::string& picture) { return Fingerprint{{"picture", picture}, {"physics", "cc"}}; };
+  std::vector<std::jthread> hosts;
+  for (const std::string picture : {"aa", "bb"})
+    hosts.emplace_back([&, picture] {
+      WorkerOptions options;
+      options.campaign = spec.name;
+      options.name = "host-" + picture;
+      options.fingerprint = [&](const CampaignSpec&) -> Result<Fingerprint> { return print_of(picture); };
+      auto client = WorkerClient::Open(*participant_, options);
+      ASSERT_TRUE(client) << client.error().message;
+      EXPECT_TRUE(client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
+        return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
+      }));
+    });
+  running.Join();
+  hosts.clear();
+  std::size_t lines = 0;
+  const auto check = [&](const store::CommitRow& row) {
+    ++lines;
+    EXPECT_EQ(row.facts.fingerprint, ShortHash(print_of(row.facts.worker.substr(5))));
+  };
+  ASSERT_TRUE(store::CommitTail(folder_ / "data").Refresh([] {}, check));
+  EXPECT_EQ(lines, spec.episodes);
+}
+
 TEST_F(WorkerClientTest, TerminatedWorkerReleasesItsWork) {
   const CampaignSpec spec = Spec("drain", 4);
   auto collector = Open(spec, folder_ / "data");

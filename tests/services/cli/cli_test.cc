@@ -95,6 +95,7 @@ TEST_F(Cli, WrongUsageIsExitCode2) {
   EXPECT_EQ(Etude({"collect"}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"collect", "x.yaml", "--out", In("d"), "--workers", "many"}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"eval", "--out", In("d")}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"collect", "x.yaml", "--out", ""}).exit_code, kExitUsage) << "a variable that is not set";
   EXPECT_EQ(Etude({"doctor", "--domain", "999"}).exit_code, kExitUsage);
 }
 

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/cli/eval.cc: what is refused before anything starts.
+#include <sstream>
+
+#include "services/bus/directory.h"
 #include "services/campaign/eval_report.h"
 #include "services/cli/evaluation.h"
 #include "services/core/command.h"
@@ -38,6 +41,20 @@ TEST_F(EvalCli, EvalOfARunThatIsNotThereSaysSoInsteadOfWaiting) {
   EXPECT_EQ(outcome.exit_code, kExitMachine) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("neither a run nor a policy server"));
   EXPECT_EQ(Etude({"eval", "--subscribe", "Nobody@x", "--out", In("eval"), "--domain", "81"}).exit_code, kExitUsage);
+}
+
+TEST_F(EvalCli, ALogForProgramsHasNoOtherLines) {
+  const auto participant = bus::Participant::Open({81, ""});
+  ASSERT_TRUE(participant);
+  const auto server = bus::Announcement::Open(
+      *participant, bus::MakePresence(bus::PresenceKind::kPolicy, "served", "aaaa000000000001", ""), Claim::kRefuse);
+  ASSERT_TRUE(server);
+  const Outcome outcome = Etude({"eval", "--subscribe", "served", "--scenes", In("none.yaml"), "--out", In("eval"),
+                                 "--domain", "81", "--log", "json"});
+  EXPECT_THAT(outcome.text, HasSubstr("asking the policy server of run served@"));
+  std::istringstream lines(outcome.text);
+  for (std::string line; std::getline(lines, line);)
+    EXPECT_FALSE(OrderedJson::parse(line, nullptr, false).is_discarded()) << line;
 }
 
 TEST_F(EvalCli, EvalSaysWhatIsWrongWithItsSuites) {

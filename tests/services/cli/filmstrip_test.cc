@@ -60,8 +60,8 @@ TEST(WriteFilmstrips, MovesWhereItsNameSaysSo) {
   const std::string webp = ReadTextFile(folder / "moving.webp").value();
   EXPECT_EQ(webp.substr(0, 4) + webp.substr(8, 4), "RIFFWEBP");
   EXPECT_NE(webp.find("ANMF"), std::string::npos) << "it has more than one picture";
-  ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "moving.mp4", {.episodes = 2}));
-  EXPECT_EQ(ReadTextFile(folder / "moving.mp4").value().substr(4, 4), "ftyp");
+  ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "new" / "moving.mp4", {.episodes = 2}));
+  EXPECT_EQ(ReadTextFile(folder / "new" / "moving.mp4").value().substr(4, 4), "ftyp");
 }
 
 TEST(WriteFilmstrips, SaysWhatIsMissing) {

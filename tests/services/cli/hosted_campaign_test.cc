@@ -5,13 +5,18 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
+
 #include "services/core/clock.h"
+#include "services/core/log.h"
 #include "services/core/share.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
+#include "tests/support/write_program.h"
 
 namespace etude::cli {
 namespace hosted_campaign_test {
@@ -125,6 +130,21 @@ TEST(NotAllGivenUp, IsAskedOfWhatIsCompleteAlone) {
   EXPECT_NE(none.error().message.find("data/attempts.jsonl"), std::string::npos) << none.error().message;
   progress.given_up = 4, progress.committed = 1;
   EXPECT_TRUE(CheckNotAllGivenUp(progress, "data"));
+}
+
+// with a profile without multicast on a host that is no hub, nothing was said and nothing ended
+TEST_F(Hosted, WorkersThatNobodyHearsAreToldOf) {
+  InitLog("test", "info");
+  options_.worker = WriteProgram(folder_ / "mute", "#!/bin/sh\nexec sleep 60\n");
+  options_.workers = 1;
+  options_.unheard = 100ms;
+  std::atomic<int> told = 0;
+  const LogListener hear([&](const LogRecord& record) { told += record.text.starts_with("no worker was heard"); });
+  auto hosted = Start();
+  ASSERT_THAT(hosted, IsOk());
+  EXPECT_TRUE(WaitUntil([&] { return !(*hosted)->Supervise() || told > 0; }));
+  for (int i = 0; i < 3; ++i) ASSERT_THAT((*hosted)->Supervise(), IsOk());
+  EXPECT_EQ(told, 1);
 }
 
 }  // namespace hosted_campaign_test

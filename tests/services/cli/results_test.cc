@@ -93,6 +93,14 @@ TEST_F(Results, RunsOfARowThatIsDefinedAnewAreNotEvaluated) {
   EXPECT_THAT(same.text, HasSubstr("| fourth `d` |"));
 }
 
+TEST_F(Results, ATableThatCannotBeWrittenIsSaidBeforeAnythingIsMade) {
+  Write("taken", "");
+  const CommandOutcome made = Make("10", {"--row", "a", "--write", In("taken") + "/table.md"});
+  EXPECT_NE(made.exit_code, kExitOk);
+  EXPECT_THAT(made.text, HasSubstr("taken"));
+  EXPECT_THAT(made.text, Not(HasSubstr("a, seed 7:")));
+}
+
 TEST_F(Results, ASeedThatNoWantedRowHasIsRefused) {
   const CommandOutcome made = Make("10", {"--row", "b", "--seeds", "7"});
   EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
@@ -105,6 +113,10 @@ TEST_F(Results, SaysWhenAndWhereARowWasMeasured) {
   WriteReport(10, 0);
   Write("out/eval/a-7/made", "2026-01-02, some machine, 4 CPUs\n");
   EXPECT_THAT(Make("10", {"--row", "a"}).text, HasSubstr("| 2026-01-02, some machine, 4 CPUs |"));
+  const OrderedJson all{{"task", "overall"}, {"n", 10}, {"success", {{"successes", 10}}}};
+  Write("out/eval/a-7/eval.json",
+        OrderedJson({{"done", 10}, {"overall", all}, {"rules", {{"content", 7}, {"rollout", 5}}}}).dump());
+  EXPECT_THAT(Make("10", {"--row", "a"}).text, HasSubstr("4 CPUs, content 7, rollouts 5 |"));
 }
 
 // before, a row whose options were refused had to be taken away by hand before it could be put right

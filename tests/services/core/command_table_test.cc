@@ -110,5 +110,21 @@ TEST(ParseCommandLine, PrintsItsTableWhenAsked) {
   EXPECT_EQ(Json::parse(testing::internal::GetCapturedStdout()), CommandTable(program.app));
 }
 
+// before, NaN was in every range, and a larger number was the largest one
+TEST(ParseCommandLine, NumbersAreFiniteAndFit) {
+  testing::internal::CaptureStderr();
+  for (const char* wrong : {"nan", "inf", "-nan"}) {
+    Program program;
+    double seconds = 1;
+    program.app.add_option("--seconds", seconds, "how long")->check(CLI::Range(0.5, 9.0));
+    EXPECT_EQ(program.Parse({"a.txt", "--seconds", wrong}), kExitUsage) << wrong;
+  }
+  Program large;
+  std::uint64_t seed = 0;
+  large.app.add_option("--seed", seed, "of all");
+  EXPECT_EQ(large.Parse({"a.txt", "--seed", "18446744073709551616"}), kExitUsage);
+  testing::internal::GetCapturedStderr();
+}
+
 }  // namespace command_table_test
 }  // namespace etude

@@ -18,6 +18,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "services/core/descriptor.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -115,6 +116,21 @@ TEST_F(FileTest, EveryByteComesBackAndTheLimitIsTheLastSizeThatFits) {
   EXPECT_THAT(ReadBinaryFile(folder_ / "bytes", 255), MessageHas("256 bytes, more than the limit of 255"));
   ASSERT_THAT(WriteFileAtomically(folder_ / "empty", std::string_view()), IsOk());
   EXPECT_EQ(ReadTextFile(folder_ / "empty", 0).value(), "");
+}
+
+// before, root's /dev/stdout was a plain file from then on
+TEST_F(FileTest, WritesIntoAPipeAndReplacesItByNothing) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  const Descriptor from(ends[0]), to(ends[1]);
+  ASSERT_THAT(WriteFileAtomically("/dev/fd/" + std::to_string(ends[1]), std::string_view("x\n")), IsOk());
+  char got[4] = {};
+  EXPECT_EQ(::read(ends[0], got, sizeof got), 2);
+  const Path fifo = folder_ / "fifo";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  const Descriptor reader(::open(fifo.c_str(), O_RDONLY | O_NONBLOCK));
+  ASSERT_THAT(WriteFileAtomically(fifo, std::string_view("y")), IsOk());
+  EXPECT_TRUE(std::filesystem::is_fifo(fifo));
 }
 
 // what a shell gives with <(...), and the kernel in /proc, has no size

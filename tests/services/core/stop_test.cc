@@ -144,5 +144,20 @@ TEST(StopReasonDeathTest, ThreadsThatFailTogetherLeaveOneReasonOfTheirs) {
 
 TEST(Stop, WaitingTimesOutWithoutOne) { EXPECT_FALSE(WaitForStop(1ms)); }
 
+// before, progress went into the file that was written, and a stop pipe that said what it was told woke for ever
+TEST(StopDeathTest, WhatIsPrintedToAClosedStreamGoesIntoNoFileOfOurs) {
+  const auto body = [] {
+    ::signal(SIGHUP, SIG_IGN);  // nohup
+    for (int fd = 0; fd <= STDERR_FILENO; ++fd) ::close(fd);
+    InstallStopSignals();
+    const int file = ::open("/proc/self/status", O_RDONLY);
+    [[maybe_unused]] const auto written = ::write(STDERR_FILENO, "x", 1);
+    const Stopwatch watch;
+    WaitForStop(std::chrono::milliseconds(50));
+    ::_exit(file > STDERR_FILENO && watch.Seconds() > 0.04 ? 0 : 1);
+  };
+  EXPECT_EXIT(body(), ::testing::ExitedWithCode(0), "");
+}
+
 }  // namespace stop_test
 }  // namespace etude

@@ -13,6 +13,7 @@
 #include "services/core/clock.h"
 #include "tests/services/policy/policy_asker.h"
 #include "tests/support/matchers.h"
+#include "tests/support/wait_until.h"
 
 namespace etude::policy {
 namespace insight_client_test {
@@ -198,9 +199,7 @@ TEST_F(PolicyInsight, TakesItsWishBack) {
     ASSERT_THAT(client.Ask(MakeQuestion()), IsOk());
     EXPECT_GT(server.wish().seconds, 0u);
   }
-  const auto deadline = MonotonicClock::now() + 20s;
-  while (server.wish().seconds > 0 && MonotonicClock::now() < deadline) std::this_thread::yield();
-  EXPECT_EQ(server.wish().seconds, 0u);
+  EXPECT_TRUE(WaitUntil([&] { return server.wish().seconds == 0; }));
 }
 
 TEST_F(PolicyInsight, SaysThatNobodyServesTheRun) {

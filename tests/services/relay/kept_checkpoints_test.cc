@@ -76,17 +76,20 @@ TEST(KeptCheckpoints, WhatIsNotOfTheRunIsNotKept) {
   EXPECT_EQ(Files(folder.path()).size(), KeptCheckpoints::kMostChannels + 2);
 }
 
-TEST(KeptCheckpoints, WhatIsForgottenIsGoneAndCountsNoMore) {
+TEST(KeptCheckpoints, WhatIsForgottenIsSetAsideAndCountsNoMore) {
   const TemporaryFolder folder;
-  const auto best = ExampleBlob(kId, "best", 11, 2);
+  const auto best = ExampleBlob(kId, "best", 11, 2), latest = ExampleBlob(kId, "latest", 12, 3);
   {
     auto kept = OpenOrDie(folder.path());
-    ASSERT_THAT(kept.Keep(ExampleBlob(kId, "latest", 12, 3)), IsOk());
+    ASSERT_THAT(kept.Keep(latest), IsOk());
     ASSERT_THAT(kept.Keep(best), IsOk());
     ASSERT_THAT(kept.Forget("latest"), IsOk());
     EXPECT_THAT(kept.Forget("other"), IsOk());
   }
-  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"kept.json", "kept.lock", "relayed-best-11.safetensors"}));
+  const Path refused = folder.path() / "refused-relayed-latest-12.safetensors";
+  EXPECT_EQ(Files(folder.path()),
+            (std::set<std::string>{"kept.json", "kept.lock", "relayed-best-11.safetensors", refused.filename()}));
+  EXPECT_EQ(ReadBinaryFile(refused).value(), latest.bytes) << "the key may have been the wrong one";
   auto kept = OpenOrDie(folder.path());
   EXPECT_FALSE(kept.channels().contains("latest"));
   EXPECT_EQ(kept.Read("best").value(), best.bytes);

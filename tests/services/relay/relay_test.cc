@@ -231,6 +231,28 @@ TEST_F(RelayTest, WhatWasKeptUnsignedIsForgottenOnceSignaturesAreAskedFor) {
   ExpectSame(subscriber.Wait(20s).value(), is_signed);
 }
 
+// before, what was kept went, signed as it was
+TEST_F(RelayTest, AFloorThatIsDamagedMeanwhileTakesNothingAway) {
+  const Path key = folder_ / "signing.key", floor = folder_ / "relay.floor";
+  ASSERT_THAT(security::MakeSigningKey(key), IsOk());
+  auto is_signed = Blob("latest", kStart + 1);
+  is_signed.meta_json = security::CheckpointSigner::Open(key)
+                            .value()
+                            .Sign({run_.id, "latest", is_signed.version, is_signed.sha256}, is_signed.meta_json)
+                            .value();
+  {
+    auto relay = OpenRelay(peers_.a);
+    const auto run = Begin({is_signed});
+    ASSERT_TRUE(StepUntilKept(relay, is_signed.version));
+  }
+  auto accept = bus::AcceptSigned(std::make_shared<security::CheckpointVerifier>(
+      security::CheckpointVerifier::Open(key.string() + ".pub", floor).value()));
+  ASSERT_THAT(WriteFileAtomically(floor, std::string_view("{")), IsOk());
+  auto relay = OpenRelay(peers_.a, "relay", std::move(accept));
+  EXPECT_NE(Record().find(std::to_string(is_signed.version)), std::string::npos);
+  EXPECT_TRUE(StepUntilOffered(relay, {"latest"}));
+}
+
 // before, with a full disk an old checkpoint was offered beside the run that had newer ones
 TEST_F(RelayTest, WhatCannotBeKeptNowShowsThatTheRunIsThere) {
   const auto old = Blob("latest", kStart + 1);

@@ -150,6 +150,20 @@ TEST(PlanEpisode, EveryRobotMeetsEveryTask) {
   EXPECT_EQ(met.size(), 45u);
 }
 
+// a task that is drawn once in 20 episodes was always the same robot's
+TEST(PlanEpisode, EveryRobotMeetsEveryTaskHoweverRareItIs) {
+  CampaignSpec spec;
+  spec.robots = {"ur5", "panda"};
+  spec.tasks = {"pick", "push", "put_down"};
+  spec.task_weights = {18, 1, 1};
+  std::map<std::string, std::set<std::string>> robots_of;
+  for (std::uint64_t i = 0; i < 40; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    robots_of[plan.task.text()].insert(plan.scene.robot);
+  }
+  for (const auto& task : spec.tasks) EXPECT_EQ(robots_of[task].size(), 2u) << task;
+}
+
 TEST(PlanEpisode, SeedsDifferByIndexAndAttempt) {
   const CampaignSpec spec;
 

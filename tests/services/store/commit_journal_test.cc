@@ -6,12 +6,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <vector>
 
 #include "services/core/clock.h"
 #include "services/store/dataset.h"
+#include "services/store/layout.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/synthetic_episode.h"
@@ -282,6 +284,21 @@ TEST(CommitLine, KeysThatAreMissingKeepTheirDefaults) {
   EXPECT_EQ(row->facts.timings.wall_s, 2);
   EXPECT_THAT(ParseCommitLine("{}"), HasCode(Code::kCorrupt));
   EXPECT_THAT(ParseCommitLine(R"({"index": 1, "attempt": 99999999999})"), HasCode(Code::kCorrupt));
+}
+
+TEST(CommitJournal, ARestartReadsItAndNotTheEpisodes) {
+  const TemporaryFolder folder;
+  CommitTo(folder.path(), {0, 1, 2});
+  for (const std::uint64_t index : {0, 1, 2}) {  // as long as before, and no episode any more
+    const Path file = EpisodePath(folder.path(), index);
+    ASSERT_THAT(WriteFileAtomically(file, std::string(std::filesystem::file_size(file), 'x')), IsOk());
+  }
+  auto writer = DatasetWriter::Open(folder.path(), SyntheticSpec());
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->WriteMaster(), IsOk());
+  const auto read = internal::ReadDatasetFile(folder.path());
+  ASSERT_THAT(read, IsOk());
+  EXPECT_EQ(read->statistics["episodes"], 3u) << "whoever opened them left them out";
 }
 
 }  // namespace commit_journal_test

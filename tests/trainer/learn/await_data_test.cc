@@ -9,6 +9,7 @@
 
 #include "services/core/clock.h"
 #include "tests/support/matchers.h"
+#include "tests/support/wait_until.h"
 #include "tests/trainer/learn/tiny_run.h"
 
 namespace etude::learn {
@@ -192,9 +193,7 @@ TEST(Follower, BringsInWhatIsCommittedMeanwhile) {
   const auto before = dataset->snapshot();
   const Follower follower(dataset, 0.001);
   AddSyntheticEpisodes(folder / "d", SyntheticSpec(kTinyPicture, kTinyPicture), 2, 6);
-  const Stopwatch watch;
-  while (dataset->snapshot()->episodes().size() < 6 && watch.Seconds() < 30) std::this_thread::yield();
-  EXPECT_EQ(dataset->snapshot()->episodes().size(), 6u);
+  EXPECT_TRUE(WaitUntil([&] { return dataset->snapshot()->episodes().size() == 6; }));
   EXPECT_EQ(before->episodes().size(), 2u) << "who began with it goes on with it";
 }
 

@@ -8,6 +8,7 @@
 
 #include "tests/trainer/learn/trainer_fixture.h"
 #include "trainer/checkpoint/readiness.h"
+#include "trainer/learn/begin.h"
 #include "trainer/policy/parts.h"
 
 namespace etude::learn {
@@ -20,10 +21,17 @@ class InitTest : public TrainerTest {
  protected:
   void SetUp() override {
     TrainerTest::SetUp();
-    ASSERT_TRUE(Train(TinyConfig({"steps=20", "ema=0.9"}), folder_ / "base", false, Keeping(source_)));
-    const auto bytes = checkpoint::Encode(source_);
-    ASSERT_TRUE(bytes);
-    ASSERT_TRUE(WriteFileAtomically(file_, *bytes));
+    // trained once for all of them; each has a file of its own
+    static checkpoint::Checkpoint trained;
+    static std::vector<std::uint8_t> encoded;
+    if (encoded.empty()) {
+      ASSERT_TRUE(Train(TinyConfig({"steps=20", "ema=0.9"}), folder_ / "base", false, Keeping(trained)));
+      const auto bytes = checkpoint::Encode(trained);
+      ASSERT_TRUE(bytes);
+      encoded.assign(bytes->begin(), bytes->end());
+    }
+    source_ = trained;
+    ASSERT_TRUE(WriteFileAtomically(file_, encoded));
   }
   static Hooks Keeping(checkpoint::Checkpoint& last) {
     Hooks hooks;
@@ -42,6 +50,11 @@ class InitTest : public TrainerTest {
   Path file_ = folder_ / "base.safetensors";
   checkpoint::Checkpoint source_;
 };
+
+TEST_F(InitTest, ARunThatGoesOnByAnotherExperimentIsTold) {
+  EXPECT_EQ(OtherRecipe(source_.metadata, Begun({"name=other"})), Begun({}).name);
+  EXPECT_EQ(OtherRecipe(source_.metadata, Begun({})), "");
+}
 
 // encoders with their running statistics and averaged weights included; what is new starts to learn at its level
 TEST_F(InitTest, FrozenPartsStayBitForBitWhileModulesAreAdded) {

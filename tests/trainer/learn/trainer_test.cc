@@ -94,7 +94,7 @@ TEST_F(TrainerTest, ResumedWithoutItsBestCheckpointItHasANewOne) {
 }
 
 TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
-  const TrainConfig config = TinyConfig({"steps=60", "checkpoint.every_steps=30"});
+  const TrainConfig config = TinyConfig({"steps=20", "checkpoint.every_steps=10", "eval.every_steps=40"});
   ASSERT_TRUE(Train(config, folder_ / "run"));
   const auto last = [](const Path& run) {
     const std::string text = ReadTextFile(run / "metrics.jsonl").value();
@@ -102,7 +102,7 @@ TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
   };
   EXPECT_EQ(last(folder_ / "run")["kind"], "end");
   EXPECT_EQ(last(folder_ / "run")["cause"], "finished");
-  EXPECT_EQ(last(folder_ / "run")["step"], 60);
+  EXPECT_EQ(last(folder_ / "run")["step"], 20);
   EXPECT_EQ(Curve(folder_ / "run", "train", "episodes").begin()->second,
             static_cast<double>(dataset_->snapshot()->episode_count(data::Split::kTrain)));
 

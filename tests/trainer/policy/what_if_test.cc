@@ -107,6 +107,31 @@ class Asked : public ::testing::Test {
   Inputs inputs_ = MakeInputs(config_, 1, 1);
 };
 
+TEST_F(Asked, NobodyAttendsToWhatIsLookedAwayFrom) {
+  const auto what_if = ParseWhatIf(R"({"look_away": [[-1000, -1000, 1008, 4000]]})", config_);  // the first 8 px
+  ASSERT_TRUE(what_if) << what_if.error().message;
+  EXPECT_FALSE(what_if->empty());
+  inputs_.crop_origin.zero_();
+  const Outputs before = Ask();
+  inputs_.unattended = Unattended(*what_if, inputs_.crop_origin);
+  const Outputs after = Ask();
+  const auto [rows, columns] = policy_->grid();
+  const double patch = static_cast<double>(inputs_.images.size(3)) / columns;
+  for (const auto& [module, output] : after) {
+    if (policy_->KeysOf(module)[0] != "image") continue;
+    const torch::Tensor picture = output.head_attention.narrow(-1, 0, rows * columns).reshape({-1, rows, columns});
+    const torch::Tensor was =
+        before.at(module).head_attention.narrow(-1, 0, rows * columns).reshape({-1, rows, columns});
+    for (std::int64_t column = 0; column < columns; ++column) {
+      const bool away = (column + 0.5) * patch < 8;
+      EXPECT_GT(was.select(-1, column).sum().item<double>(), 0) << module;
+      EXPECT_EQ(picture.select(-1, column).sum().item<double>() == 0, away) << module << " column " << column;
+    }
+    EXPECT_NEAR(output.head_attention.sum(-1).min().item<double>(), 1, 1e-4) << "the rest has it all";
+  }
+  EXPECT_FALSE(ParseWhatIf(R"({"look_away": [[1, 2, 3]]})", config_));
+}
+
 // later modules read what is said instead; earlier ones, and a policy that nobody interferes with, do not notice
 TEST_F(Asked, LaterModulesReadWhatIsSaidInstead) {
   const auto plain = Ask(), again = Ask("{}"),

@@ -11,12 +11,12 @@
 #include "services/bus/directory.h"
 #include "services/bus/owner.h"
 #include "services/bus/topic.h"
-#include "services/core/clock.h"
 #include "services/core/identity.h"
 #include "services/policy/client.h"
 #include "tests/services/bus/two_processes.h"
 #include "tests/support/authority.h"
 #include "tests/support/matchers.h"
+#include "tests/support/wait_until.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_question.h"
 #include "trainer/serve/server.h"
@@ -75,8 +75,7 @@ class Serving {
 
 // An answer is counted after it was sent: its asker may have it before.
 bool WaitForAnswered(const PolicyServer& server, std::uint64_t count) {
-  for (const Stopwatch watch; server.answered() < count && watch.Seconds() < 10;) std::this_thread::sleep_for(5ms);
-  return server.answered() >= count;
+  return WaitUntil([&] { return server.answered() >= count; });
 }
 
 // Once nobody asks any more: the answer to a question that was asked twice may be counted long after the first one.

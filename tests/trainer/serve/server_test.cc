@@ -16,6 +16,7 @@
 #include "services/relay/kept_checkpoints.h"
 #include "services/relay/relay_thread.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
 #include "trainer/policy/parts.h"
@@ -94,8 +95,7 @@ class FollowedRun {
     return status;
   }
   void WaitForRefusals(std::uint64_t count) {
-    while (server.refused_checkpoints() < count && std::chrono::steady_clock::now() < deadline_)
-      std::this_thread::yield();
+    WaitUntil([&] { return server.refused_checkpoints() >= count; });
     EXPECT_EQ(server.refused_checkpoints(), count);
   }
 
@@ -258,12 +258,12 @@ TEST(PolicyServer, AnswersWhoAskedItAndNotAnotherServerOfTheRun) {
   ASSERT_TRUE(client.writer.WaitForReaders(2, 30s));
   auto directory = bus::Directory::Open(participant).value();
   std::vector<bus::Presence> servers;
-  const auto deadline = std::chrono::steady_clock::now() + 20s;
-  while (servers.size() < 2 && std::chrono::steady_clock::now() < deadline) {
+  const auto both = [&] {
     servers = directory.Live();
     std::erase_if(servers, [&](const auto& presence) { return presence.name != run.name; });
-  }
-  ASSERT_EQ(servers.size(), 2u);
+    return servers.size() == 2;
+  };
+  EXPECT_TRUE(WaitUntil(both));
 
   std::set<std::uint64_t> steps;
   std::uint64_t request = 0;
@@ -304,9 +304,7 @@ TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
   ASSERT_TRUE(server.Follow());
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
   const auto wait_for = [&](std::uint64_t step) {
-    const auto deadline = std::chrono::steady_clock::now() + 20s;
-    while (server.checkpoint_step() != step && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-    EXPECT_EQ(server.checkpoint_step(), step);
+    EXPECT_TRUE(WaitUntil([&] { return server.checkpoint_step() == step; })) << server.checkpoint_step();
   };
   {
     const auto before = begin("aaaa000000000001", "before", 3);
@@ -342,15 +340,14 @@ TEST(PolicyServer, ARunThatMayNotDriveYetTakesNoPlaceOfAnotherRunThatMay) {
   auto server = PolicyServer::Open(participant, {.run = {run, ""}}, nullptr).value();
   ASSERT_TRUE(server.Follow());
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-  const auto deadline = std::chrono::steady_clock::now() + 30s;
   {
     const auto trained = begin("aaaa000000000001", "trained", checkpoint::ExampleCheckpoint(config, 3));
-    while (server.checkpoint_step() != 3 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    EXPECT_TRUE(WaitUntil([&] { return server.checkpoint_step() == 3; }));
   }
   auto early = checkpoint::ExampleCheckpoint(config, 1);
   early.metadata.modules["CTRL"] = {};
   const auto young = begin("bbbb000000000002", "young", early);
-  while (server.refused_checkpoints() < 1 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+  WaitUntil([&] { return server.refused_checkpoints() > 0; });
 
   EXPECT_EQ(server.refused_checkpoints(), 1u);
   EXPECT_EQ(server.checkpoint_step(), 3u);
@@ -370,18 +367,13 @@ TEST(PolicyServer, StartedAfterTheRunHasEndedItServesWhatARelayHas) {
   {
     auto sink = publish::CheckpointSink::Open(folder / "run", {run, kId, 1}, &participant).value();
     ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(policy::TinyConfig(), 7)));
-    const auto deadline = std::chrono::steady_clock::now() + 20s;
-    const auto kept = [&] { return std::filesystem::exists(folder / "relay" / "kept.json"); };
-    while (!kept() && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-    ASSERT_TRUE(kept());
+    ASSERT_TRUE(WaitUntil([&] { return std::filesystem::exists(folder / "relay" / "kept.json"); }));
   }
   for (const char* id : {kId, ""}) {  // by its whole id, and by its name, which the relay has in the directory
     auto server = PolicyServer::Open(participant, {.run = {run, id}}, nullptr).value();
     ASSERT_TRUE(server.Follow());
     std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-    const auto deadline = std::chrono::steady_clock::now() + 20s;
-    while (server.checkpoint_step() != 7 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-    EXPECT_EQ(server.checkpoint_step(), 7u) << id;
+    EXPECT_TRUE(WaitUntil([&] { return server.checkpoint_step() == 7; })) << id << ": " << server.checkpoint_step();
     server.Stop();
     serving.join();
   }
@@ -393,16 +385,13 @@ TEST(PolicyServer, StartedAgainItDoesNotGoOnWithAnotherUsersRun) {
   const std::string run = "serve-shared", theirs = "bbbb000000000002";
   auto participant = bus::Participant::Open({kDomain, ""}).value();
   const relay::RelayThread relay(participant, {run, kId}, {.folder = folder / "relay", .patience = 50ms});
-  const auto deadline = std::chrono::steady_clock::now() + 40s;
   {
     const auto mine = bus::Announcement::Open(
         participant, bus::MakePresence(bus::PresenceKind::kRun, run, kId, folder / "run"), Claim::kRefuse);
     ASSERT_TRUE(mine) << mine.error().message;
     auto sink = publish::CheckpointSink::Open(folder / "run", {run, kId, 1}, &participant).value();
     ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(policy::TinyConfig(), 7)));
-    const auto kept = [&] { return std::filesystem::exists(folder / "relay" / "kept.json"); };
-    while (!kept() && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-    ASSERT_TRUE(kept());
+    ASSERT_TRUE(WaitUntil([&] { return std::filesystem::exists(folder / "relay" / "kept.json"); }));
   }
   auto presence = bus::MakePresence(bus::PresenceKind::kRun, run, theirs, folder / "theirs");
   presence.user = "somebody-else";
@@ -416,7 +405,7 @@ TEST(PolicyServer, StartedAgainItDoesNotGoOnWithAnotherUsersRun) {
   auto server = PolicyServer::Open(participant, {.run = {run, ""}, .before = *before}, nullptr).value();
   ASSERT_TRUE(server.Follow());
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-  while (server.checkpoint_step() == 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+  WaitUntil([&] { return server.checkpoint_step() != 0; });
   EXPECT_EQ(server.checkpoint_step(), 7u);
   server.Stop();
   serving.join();

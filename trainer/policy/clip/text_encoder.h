@@ -27,8 +27,8 @@ namespace etude::clip {
 /// Every function may be called from several threads at once.
 class TextEncoder {
  public:
-  static constexpr std::size_t kRemembered = 16384;  ///< sentences, 2 kB each with ViT-B/32
-  static constexpr std::size_t kMostBytes = 1024;    ///< of a sentence
+  static constexpr std::size_t kRemembered = 131072;  ///< sentences, 2 kB each with ViT-B/32
+  static constexpr std::size_t kMostBytes = 1024;     ///< of a sentence
 
   /// @param sha256      of the content that is wanted; "": any
   /// @param remembered  sentences at most, >= 1

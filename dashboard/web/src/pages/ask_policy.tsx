@@ -72,13 +72,13 @@ function parsed(text: string): unknown {
   }
 }
 
-function questionOf(run: string, episode: Episode, fields: { picture: number; sentence: string; other: string; hidden: Rectangle[]; say: string; think: string; worth: boolean }): string {
+function questionOf(run: string, episode: Episode, fields: { picture: number; sentence: string; other: string; hidden: Rectangle[]; how: string; say: string; think: string; worth: boolean }): string {
   const said = saidIn(fields.say);
   const value = said ? parsed(said.value) : undefined;
   const thought = thoughtIn(fields.think);
   const what_if = {
     ...(fields.other ? { sentence: fields.other } : {}),
-    ...(fields.hidden.length ? { hide: fields.hidden } : {}),
+    ...(fields.hidden.length ? { [fields.how]: fields.hidden } : {}),
     ...(said && value !== undefined ? { say: { [said.module]: { [said.quantity]: value } } } : {}),
     ...(thought?.sentence.trim() ? { think: { [thought.module]: thought.sentence.trim() } } : {}),
     ...(fields.worth ? { worth: true } : {}),
@@ -97,10 +97,11 @@ function Bench(props: Asked & { episode: Episode }) {
   const say = useField('say');
   const think = useField('think');
   const [hide, setHide] = parameter('hide');
+  const [how, setHow] = parameter('how', 'hide');
   const [worth, setWorth] = parameter('worth', 'on');
   const [, go] = parameter('episode');
   const hidden = useMemo(() => readRectangles(hide), [hide]);
-  const body = useMemo(() => questionOf(run, episode, { picture, sentence: sentence.value, other: other.value, hidden, say: say.value, think: think.value, worth: worth === 'on' }), [run, episode, picture, sentence.value, other.value, hidden, say.value, think.value, worth]);
+  const body = useMemo(() => questionOf(run, episode, { picture, sentence: sentence.value, other: other.value, hidden, how: how === 'look_away' ? 'look_away' : 'hide', say: say.value, think: think.value, worth: worth === 'on' }), [run, episode, picture, sentence.value, other.value, hidden, how, say.value, think.value, worth]);
   const answer = useResource<Insight>(camera ? body : null, {
     // one question at a time is asked: the one before, of a slider that was dragged on, may still be
     load: (path, signal) => patiently(() => postJson<Insight>('/insight', JSON.parse(path), signal), signal),
@@ -125,6 +126,7 @@ function Bench(props: Asked & { episode: Episode }) {
             {episode.previous !== null && <button type="button" class="button" onClick={() => go(String(episode.previous))}>before</button>}
             {episode.next !== null && <button type="button" class="button" onClick={() => go(String(episode.next))}>after</button>}
             {hidden.length > 0 && <button type="button" class="button" onClick={() => setHide(null, true)}>show all again</button>}</p>
+          {hidden.length > 0 && <Select label="what is marked" showLabel value={how === 'look_away' ? 'look_away' : 'hide'} options={[['hide', 'cannot be seen (grey)'], ['look_away', 'is seen, and no module attends to it']]} choose={(value) => setHow(value === 'hide' ? null : value, true)} />}
           {data && <Attends of={data} module={props.module} />}
         </div>
         <div class="stack">

@@ -44,6 +44,7 @@ class LiveApiTest : public ApiFixture {
     model.On(campaign.id, worker, now);
     bus::WorkRequest request;
     request.worker = "w0", request.campaign_id = campaign.id;
+    request.fingerprint_json = R"({"libm": "aa"})";
     model.On(campaign.id, request);
     bus::ProcessStatus process;
     process.process = "lab-7-1", process.host = "lab-7", process.role = "worker", process.version = "0.1.0";
@@ -94,7 +95,7 @@ TEST_F(LiveApiTest, AHostHasWorkersWithStageAndStepAndItsProcesses) {
   EXPECT_EQ(host["rss_mb"], 50.0);
   EXPECT_EQ(host["cpu"], 0.5);
   EXPECT_EQ(host["version"], "0.1.0");
-  EXPECT_EQ(host["fingerprint"].get<std::string>().size(), 8u);
+  EXPECT_EQ(host["fingerprint"].get<std::string>().size(), 12u);
   EXPECT_EQ(host["plan_p95_s"], 0.08) << "the upper edge of the bin";
   EXPECT_EQ(host["processes"][0]["role"], "worker");
   EXPECT_EQ(host["workers"][0]["stage"], "reach");

@@ -259,6 +259,21 @@ TEST_F(LiveModelTest, WhatWorkersAreReadyForIsCompared) {
   EXPECT_NE(prints.at("w0"), prints.at("w2"));
 }
 
+// before, the page of the fleet called hosts with other drivers or another libm equal
+TEST_F(LiveModelTest, HostsAreToldApartByTheirFingerprints) {
+  bus::WorkRequest request;
+  request.campaign_id = id_;
+  for (const char* worker : {"w0", "w1"}) {
+    request.worker = worker;
+    request.fingerprint_json = fmt::format(R"({{"libm": "{}"}})", worker);
+    model_.On(id_, request);
+  }
+  const auto& view = model_.view();
+  EXPECT_EQ(view.prints.at("w0"), view.prints.at("w1")) << "they are ready for the same work";
+  EXPECT_NE(view.fingerprints.at("w0"), view.fingerprints.at("w1"));
+  EXPECT_EQ(view.fingerprints.at("w0").size(), 12u);
+}
+
 // What is warned of while it lives.
 class Warned {
  public:
