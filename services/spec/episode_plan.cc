@@ -37,7 +37,8 @@ std::string DrawTask(const CampaignSpec& spec, std::uint64_t index) {
   if (spec.task_weights.empty()) return spec.tasks[index % spec.tasks.size()];
 
   // Largest deficit first (as in smooth weighted round-robin): after any prefix, every task's count is
-  // within one of its share. The pattern repeats after TaskRound; kLongestPattern is a bound.
+  // within one of its share. The pattern repeats after TaskRound, but
+  // for ties that rounding decides; kLongestPattern is a bound.
   double total = 0;
   for (double weight : spec.task_weights) total += weight;
   std::vector<double> credit(spec.tasks.size(), 0.0);
