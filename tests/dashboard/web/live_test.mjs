@@ -301,6 +301,11 @@ async function hidesAPartByKeyboard(page) {
   near(parseFloat(await cell(page, 'TAR2D', 'change')), norm(what_if.TAR2D.value, modules.TAR2D.value), 'change of TAR2D');
   assert.match(new URL(page.url()).searchParams.get('hide'), /^\d+,\d+,32,16$/);
   await answerTo(page, () => page.reload(), (body) => body.what_if?.hide?.length === 1);
+  const marked = page.getByLabel('what is marked');
+  const away = await answerTo(page, () => marked.selectOption('look_away'), (body) => body.what_if?.look_away?.length === 1 && !body.what_if.hide);
+  assert.notDeepEqual(away.what_if.TAR2D.value, away.modules.TAR2D.value, 'nothing follows from where nobody looks');
+  assert.notDeepEqual(away.what_if.TAR2D.value, what_if.TAR2D.value, 'to be hidden is another thing');
+  await answerTo(page, () => marked.selectOption('hide'), (body) => body.what_if?.hide?.length === 1);
   await answerTo(page, () => brush.press('Backspace'), (body) => !body.what_if);
   assert.equal(new URL(page.url()).searchParams.get('hide'), null);
 }
