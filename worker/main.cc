@@ -74,12 +74,14 @@ Status Doctor(const Arguments& arguments) {
 
 Status PrintFingerprint(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const campaign::Fingerprint fingerprint, TakeFingerprint(arguments.work.renderer));
-  OrderedJson json = OrderedJson::object();
-  for (const auto& [name, value] : fingerprint) json[name] = value;
-  if (arguments.json) fmt::print("{}\n", json.dump());
-  for (const auto& [name, value] : fingerprint)
-    if (!arguments.json) fmt::print("{:<10} {}\n", name, value);
-  if (!arguments.json) fmt::print("{:<10} {}\n", "in short", campaign::ShortHash(fingerprint));
+  if (arguments.json) {
+    OrderedJson json = OrderedJson::object();
+    for (const auto& [name, value] : fingerprint) json[name] = value;
+    fmt::print("{}\n", json.dump());
+    return {};
+  }
+  for (const auto& [name, value] : fingerprint) fmt::print("{:<10} {}\n", name, value);
+  fmt::print("{:<10} {}\n", "in short", campaign::ShortHash(fingerprint));
   return {};
 }
 

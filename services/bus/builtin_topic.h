@@ -17,6 +17,15 @@ inline std::string GuidText(const dds_guid_t& guid) {
   return text;
 }
 
+/// What a participant says of itself, "__ProcessName" say; "" where it does not.
+inline std::string PropertyOf(const dds_qos_t* qos, const char* name) {
+  char* value = nullptr;
+  if (qos == nullptr || !dds_qget_prop(qos, name, &value) || value == nullptr) return "";
+  std::string text = value;
+  dds_free(value);
+  return text;
+}
+
 /// Calls `use` with every live `Sample` of the builtin `topic`.
 template <class Sample, class Use>
 Status ForEachLive(dds_entity_t participant, dds_entity_t topic, const Use& use) {

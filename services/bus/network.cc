@@ -36,14 +36,6 @@ namespace {
 
 constexpr std::uint32_t kDiscoveryGroup = 0xEFFF0001;  // 239.255.0.1, where DDS participants look for each other
 
-std::string PropertyOf(const dds_qos_t* qos, const char* name) {
-  char* value = nullptr;
-  if (!dds_qget_prop(qos, name, &value) || value == nullptr) return "";
-  std::string text = value;
-  dds_free(value);
-  return text;
-}
-
 std::string AddressText(const in_addr& address) {
   char text[INET_ADDRSTRLEN] = {};
   ::inet_ntop(AF_INET, &address, text, sizeof text);

@@ -25,11 +25,8 @@ namespace {
 
 // One without an identity, which says its process's name: nobody knocks there, and it is no hub that forgot us.
 bool IsOpen(const dds_builtintopic_participant_t& found) {
-  char* name = nullptr;
-  if (found.qos == nullptr || !dds_qget_prop(found.qos, "__ProcessName", &name) || name == nullptr) return false;
-  const bool open = std::string_view(name) != kNoProcessName;
-  dds_free(name);
-  return open;
+  const std::string name = PropertyOf(found.qos, "__ProcessName");
+  return !name.empty() && name != kNoProcessName;
 }
 
 }  // namespace

@@ -44,6 +44,10 @@ struct Readiness {
   WorkFunction work;
   std::string files_sha256;
   Fingerprint fingerprint;
+
+  bool IsFor(const bus::CampaignAnnouncement& announced) const {
+    return spec_sha256 == announced.spec_sha256 && policy_id == announced.policy_id;
+  }
 };
 
 Status Refuse(const std::string& campaign, const char* what, std::uint32_t there, const std::string& program,
@@ -188,9 +192,8 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
     return Refuse(selector().text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
   if (announcement.content != options.content)
     return Refuse(selector().text(), "content number", announcement.content, announcement.version, options.content);
-  const bool same_hash =
-      ready.work && ready.spec_sha256 == announcement.spec_sha256 && ready.policy_id == announcement.policy_id;
-  if (same_hash && ready.spec_json == announcement.spec_json) return {};
+  const bool same_work = ready.work && ready.IsFor(announcement);
+  if (same_work && ready.spec_json == announcement.spec_json) return {};
   ForgetTaskFiles();  // those of this campaign may say something else than those of the last one
   const std::string origin = fmt::format("campaign '{}'", selector().text());
   const auto json = ParseBoundedJson(announcement.spec_json);
@@ -202,7 +205,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
                                                 TaskFilesOf(spec).empty() ? "" : "; copy the collector's here"));
   ready.spec_json = announcement.spec_json;
   // of what is no part of the hash these two are for who makes episodes
-  if (same_hash && spec.stall_timeout_s == ready.spec.stall_timeout_s && spec.device == ready.spec.device) {
+  if (same_work && spec.stall_timeout_s == ready.spec.stall_timeout_s && spec.device == ready.spec.device) {
     ready.spec = spec;
     return {};
   }
@@ -296,9 +299,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
     joined->collector->TakeAnnouncements();
     const bool complete = joined->collector->complete();
     if (complete) none.kind = bus::LeaseKind::kDone;
-    const bool changed = joined->collector->announcement->spec_sha256 != ready.spec_sha256 ||
-                         joined->collector->announcement->policy_id != ready.policy_id;
-    if (complete || changed || Unwanted() || Replaced()) break;
+    if (complete || !ready.IsFor(*joined->collector->announcement) || Unwanted() || Replaced()) break;
   }
   return none;
 }

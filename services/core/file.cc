@@ -60,10 +60,21 @@ Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
 }
 
 // A pipe, a terminal, /dev/null: what is renamed over it would be a file from then on. So would /dev/stdout be.
-bool IsDevice(const Path& path) {
-  struct stat info {};
-  if (::stat(path.c_str(), &info) != 0 || S_ISDIR(info.st_mode)) return false;
-  return !S_ISREG(info.st_mode) || path.lexically_normal().parent_path() == "/dev";
+bool IsDevice(const Path& path, const struct stat& there) {
+  if (S_ISDIR(there.st_mode)) return false;
+  return !S_ISREG(there.st_mode) || path.lexically_normal().parent_path() == "/dev";
+}
+
+Status WriteInto(const Path& path, const struct stat& there, const std::function<Status(int fd)>& write) {
+  std::fflush(stdout);
+  // a file that is our own stdout has a place where what is written goes on
+  for (const int fd : {STDOUT_FILENO, STDERR_FILENO}) {
+    struct stat ours {};
+    if (::fstat(fd, &ours) == 0 && ours.st_dev == there.st_dev && ours.st_ino == there.st_ino) return write(fd);
+  }
+  const Descriptor device(::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC));
+  if (device.get() < 0) return Fail(ErrnoError("open", path, errno));
+  return write(device.get());
 }
 
 }  // namespace
@@ -184,19 +195,8 @@ Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes
 }
 
 Status WriteFileAtomically(const Path& path, const std::function<Status(int fd)>& write) {
-  if (IsDevice(path)) {
-    std::fflush(stdout);
-    // a file that is our own stdout has a place where what is written goes on
-    struct stat wanted {};
-    ::stat(path.c_str(), &wanted);
-    for (const int fd : {STDOUT_FILENO, STDERR_FILENO}) {
-      struct stat ours {};
-      if (::fstat(fd, &ours) == 0 && ours.st_dev == wanted.st_dev && ours.st_ino == wanted.st_ino) return write(fd);
-    }
-    const Descriptor device(::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC));
-    if (device.get() < 0) return Fail(ErrnoError("open", path, errno));
-    return write(device.get());
-  }
+  struct stat there {};
+  if (::stat(path.c_str(), &there) == 0 && IsDevice(path, there)) return WriteInto(path, there, write);
   ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
   // threads share a pid, and so do containers on one volume
   const Path temporary = path.string() + fmt::format(".tmp-{}-{:.8}", ::getpid(), NewId());

@@ -53,8 +53,7 @@ Status OpenTextEncoder(TrainingRun& run) {
   const auto& data = run.config.data;
   if (data.varied > 0 || data.noisy > 0 || data.strange > 0 || data.masked > 0)
     Log().warn(
-        "sentences are drawn with synonyms, typing errors or words of no sense: each new one goes through CLIP's "
-        "tower; "
+        "sentences are drawn with synonyms, typing errors or nonsense: each new one goes through CLIP's tower; "
         "data.varied=0 data.noisy=0 data.strange=0 data.masked=0 keep to the templates, which are embedded once");
   return {};
 }

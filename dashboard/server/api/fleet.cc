@@ -115,7 +115,7 @@ Hosts FromBus(Context& context, const live::LiveView& live) {
         row.stage = status.stage;
         if (!status.stage.empty()) row.step = status.step;
       }
-      if (const auto print = live.fingerprints.find(name); print != live.fingerprints.end()) row.print = print->second;
+      if (const auto print = live.prints.find(name); print != live.prints.end()) row.print = print->second.host;
       row.episodes = status.episodes, row.failures = status.failures;
       row.per_minute = heard.PerMinute(now);
       row.steps_per_s = status.steps_per_second, row.frames_per_s = status.frames_per_second;

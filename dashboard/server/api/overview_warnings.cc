@@ -170,7 +170,7 @@ void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
     std::set<std::string> of_campaign;
     for (const auto& [worker, heard] : campaign.workers)
       if (const auto print = all.live->prints.find(worker); print != all.live->prints.end())
-        of_campaign.insert(print->second);
+        of_campaign.insert(print->second.work);
     if (campaign.present && of_campaign.size() > 1)
       warnings.push_back(
           Warning("fingerprint",

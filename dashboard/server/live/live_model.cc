@@ -187,12 +187,10 @@ void LiveModel::On(const std::string& id, const bus::TrainStatus& status, TimePo
 void LiveModel::On(const std::string& id, const bus::WorkRequest& request) {
   if (request.campaign_id != id || request.worker.empty()) return;
   if (!view_.prints.contains(request.worker) && view_.prints.size() >= kMostWorkers) view_.prints.clear();
-  view_.prints[request.worker] =
-      Sha256Hex(fmt::format("{} {} {}", request.content, request.spec_sha256, request.files_sha256)).substr(0, 8);
-  if (!view_.fingerprints.contains(request.worker) && view_.fingerprints.size() >= kMostWorkers)
-    view_.fingerprints.clear();
-  view_.fingerprints[request.worker] =
-      request.fingerprint_json.empty() ? "" : Sha256Hex(request.fingerprint_json).substr(0, 12);
+  const std::string work = fmt::format("{} {} {}", request.content, request.spec_sha256, request.files_sha256);
+  view_.prints[request.worker] = {
+      .work = Sha256Hex(work).substr(0, 8),
+      .host = request.fingerprint_json.empty() ? "" : Sha256Hex(request.fingerprint_json).substr(0, 12)};
 }
 
 void LiveModel::On(const bus::PolicyStatus& status, TimePoint now) {

@@ -84,6 +84,12 @@ struct LiveEvent {
   std::uint64_t order_ms = 0;
 };
 
+/// Of what a worker makes, as short hashes.
+struct WorkerPrint {
+  std::string work;  ///< content number, spec and files
+  std::string host;  ///< what its host's bytes depend on, as commits.jsonl has it; "": not said
+};
+
 /// By id. A copy for whoever reads; what went away stays for ten minutes, so that its end can be told.
 struct LiveView {
   bool enabled = false;
@@ -92,9 +98,7 @@ struct LiveView {
   std::map<std::string, LiveRun> runs;
   std::vector<LivePolicy> policies;
   std::map<std::string, LiveServer> servers;  ///< by PolicyStatus::server, those heard within 10 s
-  std::map<std::string, std::string> prints;  ///< worker -> what its work depends on, as a short hash
-  /// worker -> short hash of what its host's bytes depend on, as commits.jsonl has it
-  std::map<std::string, std::string> fingerprints;
+  std::map<std::string, WorkerPrint> prints;  ///< by worker
   /// Those heard within a minute, less those that have ended: they took their endpoints with them at once. One that was
   /// killed stays, and is silent.
   monitor::Processes processes;

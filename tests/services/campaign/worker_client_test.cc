@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <functional>
+#include <list>
 #include <map>
 #include <thread>
 #include <vector>
@@ -24,6 +26,26 @@ namespace etude::campaign {
 namespace worker_client_test {
 
 class WorkerClientTest : public CollectorTest {};
+
+/// A worker on a thread of its own, until it goes home; `seen` is told of each campaign that its work is made for.
+class StandingWorker {
+ public:
+  StandingWorker(
+      const bus::Participant& participant, const WorkerOptions& options,
+      std::function<void(const JoinedCampaign&)> seen = [](const JoinedCampaign&) {})
+      : thread_([&participant, options, seen = std::move(seen)] {
+          auto client = WorkerClient::Open(participant, options);
+          ASSERT_TRUE(client) << client.error().message;
+          EXPECT_TRUE(client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
+            seen(joined);
+            return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
+          }));
+        }) {}
+  void Join() { thread_.join(); }
+
+ private:
+  std::jthread thread_;
+};
 
 TEST_F(WorkerClientTest, WorkersOfAnotherContentNumberAreRefusedWithTheReason) {
   const CampaignSpec spec = Spec("content", 4);
@@ -139,14 +161,8 @@ TEST_F(WorkerClientTest, AStandingWorkerIsAsPatientAsTheCollectorThatWasStartedA
   std::vector<double> patience;  // that its work was made with
   WorkerOptions options;
   options.campaign = spec.name;
-  auto client = WorkerClient::Open(*participant_, options);
-  ASSERT_TRUE(client) << client.error().message;
-  std::jthread works([&] {
-    (void)client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
-      patience.push_back(joined.spec.stall_timeout_s);
-      return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
-    });
-  });
+  StandingWorker worker(*participant_, options,
+                        [&](const JoinedCampaign& joined) { patience.push_back(joined.spec.stall_timeout_s); });
   const auto commit_some = [&](const CampaignSpec& now) {
     Running running(std::move(*Open(now, folder_ / "data")));
     const auto before = running->progress().committed;
@@ -158,7 +174,7 @@ TEST_F(WorkerClientTest, AStandingWorkerIsAsPatientAsTheCollectorThatWasStartedA
   spec.episodes = 6;
   Running running(std::move(*Open(spec, folder_ / "data")));
   running.Join();
-  works.join();
+  worker.Join();
   EXPECT_EQ(patience, (std::vector<double>{120, 600})) << "and more or fewer episodes make nothing anew";
 }
 
@@ -168,13 +184,8 @@ TEST_F(WorkerClientTest, AStandingWorkerAsksThePolicyServerOfTheEvaluationThatGo
   std::vector<std::string> asked;  // whom its work was made to ask
   WorkerOptions options;
   options.campaign = spec.name;
-  auto client = WorkerClient::Open(*participant_, options);
-  ASSERT_TRUE(client) << client.error().message;
-  std::jthread works([&] {
-    (void)client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
-      asked.push_back(joined.policy.substr(joined.policy.find('@') + 1));
-      return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
-    });
+  StandingWorker worker(*participant_, options, [&](const JoinedCampaign& joined) {
+    asked.push_back(joined.policy.substr(joined.policy.find('@') + 1));
   });
   const std::vector<std::string> servers{"aaaa000000000001", "bbbb000000000002"};
   CampaignSpec now = spec;
@@ -191,7 +202,7 @@ TEST_F(WorkerClientTest, AStandingWorkerAsksThePolicyServerOfTheEvaluationThatGo
   now.episodes = 6;  // it is complete, and the worker goes home
   Running running(open(servers.back()));
   running.Join();
-  works.join();
+  worker.Join();
   EXPECT_EQ(asked, servers);
 }
 
@@ -200,19 +211,14 @@ TEST_F(WorkerClientTest, EachEpisodeIsRecordedWithItsHostsFingerprint) {
   spec.determinism = "physics";
   Running running(std::move(*Open(spec, folder_ / "data")));
   const auto print_of = [](const std::string& picture) { return Fingerprint{{"picture", picture}, {"physics", "cc"}}; };
-  std::vector<std::jthread> hosts;
-  for (const std::string picture : {"aa", "bb"})
-    hosts.emplace_back([&, picture] {
-      WorkerOptions options;
-      options.campaign = spec.name;
-      options.name = "host-" + picture;
-      options.fingerprint = [&](const CampaignSpec&) -> Result<Fingerprint> { return print_of(picture); };
-      auto client = WorkerClient::Open(*participant_, options);
-      ASSERT_TRUE(client) << client.error().message;
-      EXPECT_TRUE(client->Run([&](const JoinedCampaign& joined) -> Result<WorkFunction> {
-        return [spec = joined.spec](const WorkItem& item) -> Result<WorkResult> { return FakeAttempt(spec, item); };
-      }));
-    });
+  std::list<StandingWorker> hosts;
+  for (const std::string picture : {"aa", "bb"}) {
+    WorkerOptions options;
+    options.campaign = spec.name;
+    options.name = "host-" + picture;
+    options.fingerprint = [=](const CampaignSpec&) -> Result<Fingerprint> { return print_of(picture); };
+    hosts.emplace_back(*participant_, options);
+  }
   running.Join();
   hosts.clear();
   std::size_t lines = 0;

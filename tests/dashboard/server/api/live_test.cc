@@ -329,8 +329,8 @@ TEST_F(LiveApiTest, WarningsOfProcessesAreDescribed) {
   bus::ProcessStatus silent;
   silent.process = "lab-7-2", silent.host = "lab-7", silent.role = "collector";
   model_.On(silent, long_ago);
-  model_.view().prints["w0"] = "aaaaaaaa";
-  model_.view().prints["w1"] = "bbbbbbbb";
+  model_.view().prints["w0"].work = "aaaaaaaa";
+  model_.view().prints["w1"].work = "bbbbbbbb";
   auto& campaign = model_.view().campaigns.begin()->second;
   campaign.workers["w1"] = campaign.workers["w0"];
   live_ = std::make_shared<const live::LiveView>(model_.view());

@@ -255,8 +255,8 @@ TEST_F(LiveModelTest, WhatWorkersAreReadyForIsCompared) {
     model_.On(id_, request);
   }
   const auto& prints = model_.view().prints;
-  EXPECT_EQ(prints.at("w0"), prints.at("w1"));
-  EXPECT_NE(prints.at("w0"), prints.at("w2"));
+  EXPECT_EQ(prints.at("w0").work, prints.at("w1").work);
+  EXPECT_NE(prints.at("w0").work, prints.at("w2").work);
 }
 
 // before, the page of the fleet called hosts with other drivers or another libm equal
@@ -268,10 +268,10 @@ TEST_F(LiveModelTest, HostsAreToldApartByTheirFingerprints) {
     request.fingerprint_json = fmt::format(R"({{"libm": "{}"}})", worker);
     model_.On(id_, request);
   }
-  const auto& view = model_.view();
-  EXPECT_EQ(view.prints.at("w0"), view.prints.at("w1")) << "they are ready for the same work";
-  EXPECT_NE(view.fingerprints.at("w0"), view.fingerprints.at("w1"));
-  EXPECT_EQ(view.fingerprints.at("w0").size(), 12u);
+  const auto& prints = model_.view().prints;
+  EXPECT_EQ(prints.at("w0").work, prints.at("w1").work) << "they are ready for the same work";
+  EXPECT_NE(prints.at("w0").host, prints.at("w1").host);
+  EXPECT_EQ(prints.at("w0").host.size(), 12u);
 }
 
 // What is warned of while it lives.
