@@ -15,7 +15,7 @@
 #include <string_view>
 #include <vector>
 
-#include "services/codec/frame.h"
+#include "services/codec/deflate.h"
 #include "services/core/hash.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
@@ -81,7 +81,7 @@ std::string DeflateProbe() {
     const std::size_t part = 3 * i / bytes.size();
     bytes[i] = static_cast<std::uint8_t>(part == 0 ? i / 97 : part == 1 ? i * i >> 9 : state >> 24);
   }
-  return Sha256Hex(codec::DeflateFrame(bytes));
+  return Sha256Hex(codec::Deflate(bytes));
 }
 
 }  // namespace

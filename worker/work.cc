@@ -34,7 +34,7 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
   campaign::WorkResult result;
   result.outcome = task::ToString(attempt.outcome);
   result.steps = static_cast<std::uint64_t>(attempt.episode.steps());
-  for (const auto& camera : attempt.episode.cameras) result.frames += camera.frames.size();
+  for (std::size_t i = 0; i < attempt.episode.cameras.size(); ++i) result.frames += RecordedFrames(attempt.episode, i);
   result.times = {
       .plan_s = attempt.plan_s, .step_s = attempt.step_s, .render_s = attempt.render_s, .deflate_s = attempt.deflate_s};
   if (attempt.outcome == task::AttemptOutcome::kSuccess || always_complete) {

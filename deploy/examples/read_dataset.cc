@@ -8,9 +8,9 @@
 
 etude::Status WritePicture(const etude::store::EpisodeRecord& record, const etude::Path& path) {
   const auto& camera = record.episode.cameras.at(0).camera;
-  std::vector<std::uint8_t> rgb(3ull * camera.width * camera.height);
-  // one frame is one pread and one inflate: nothing else of the file is touched
-  ETUDE_RETURN_IF_ERROR(etude::store::FrameReader::Read(record.path, record.frames.at(0).back(), rgb));
+  // a few frames lie together and are read and inflated at once: those of the same block would be there then
+  etude::store::FrameReader frames(record.path, record.frames.at(0));
+  ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(record.frames[0].size() - 1));
   std::string file = fmt::format("P6 {} {} 255\n", camera.width, camera.height);
   file.append(rgb.begin(), rgb.end());
   return etude::WriteFileAtomically(path, file);

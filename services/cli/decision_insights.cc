@@ -5,11 +5,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 #include <span>
 
 #include "services/cli/file_names.h"
-#include "services/codec/frame.h"
 #include "services/core/stop.h"
+#include "services/episode/codec.h"
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 
 namespace etude::cli {
@@ -36,12 +38,11 @@ std::vector<Decision> DecisionsOf(const Episode& rollout) {
   return decisions;
 }
 
-// The picture that the policy saw; nothing when it was not recorded.
-const std::vector<std::uint8_t>* FrameAt(const Episode& rollout, int step) {
-  const auto& frames = rollout.cameras[0].frames;
-  if (step % rollout.image_stride != 0) return nullptr;
+// Number of the picture that the policy saw; nothing when it was not recorded.
+std::optional<std::size_t> FrameAt(const Episode& rollout, int step) {
+  if (step % rollout.image_stride != 0) return std::nullopt;
   const auto frame = static_cast<std::size_t>(step / rollout.image_stride);
-  return frame < frames.size() ? &frames[frame] : nullptr;
+  return frame < RecordedFrames(rollout, 0) ? std::optional(frame) : std::nullopt;
 }
 
 }  // namespace
@@ -60,17 +61,16 @@ std::string InsightTally::Text(const std::string& what) const {
 
 Result<DecisionInsights> AskInsights(const Episode& rollout, const InsightFunction& ask, InsightTally& tally) {
   DecisionInsights insights;
-  const Camera& camera = rollout.cameras[0].camera;
-  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(camera.width) * camera.height * 3);
+  FrameCursor frames(rollout);
   for (const Decision& decision : DecisionsOf(rollout)) {
     ++tally.decisions;
     auto& insight = insights[decision.step];
-    const auto* frame = FrameAt(rollout, decision.step);
-    if (frame == nullptr) {
+    const auto frame = FrameAt(rollout, decision.step);
+    if (!frame) {
       ++tally.unpictured;
       continue;
     }
-    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(*frame, rgb));
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Frame(*frame));
     auto said = ask(policy::QuestionAt(rollout, decision.step, rgb));
     if (!said) {
       ++tally.unanswered;
@@ -90,7 +90,7 @@ namespace {
 // False: nothing is known of it.
 Result<bool> WriteInsightsOf(const Episode& rollout, const InsightFunction& ask, const Path& path,
                              InsightTally& tally) {
-  if (rollout.cameras.empty() || rollout.cameras[0].frames.empty()) return false;
+  if (rollout.cameras.empty() || rollout.cameras[0].streams.empty()) return false;
   ETUDE_ASSIGN_OR_RETURN(const DecisionInsights insights, AskInsights(rollout, ask, tally));
   const bool any = std::ranges::any_of(insights, [](const auto& one) { return one.second.has_value(); });
   // what was not asked to the end would stay without

@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "services/codec/frame.h"
 #include "services/episode/action.h"
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 #include "services/video/mp4_writer.h"
 
@@ -21,16 +21,16 @@ constexpr int kGap = 2;       // px between frames
 constexpr int kJpegQuality = 85;
 
 Result<cv::Mat> Row(const Episode& episode, int columns) {
-  const CameraTrack& track = episode.cameras[0];
-  const int width = track.camera.width, height = track.camera.height;
+  FrameCursor frames(episode);
+  const Camera& camera = episode.cameras[0].camera;
+  const int width = camera.width, height = camera.height;
   cv::Mat row(height + kCaption, columns * (width + kGap) - kGap, CV_8UC3, cv::Scalar(24, 24, 24));
-  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * height * 3);
-  const std::size_t last = track.frames.size() - 1;
+  const std::size_t last = frames.size() - 1;
   for (int column = 0; column < columns; ++column) {
     const std::size_t k = columns == 1 ? last : last * static_cast<std::size_t>(column) / (columns - 1);
-    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(track.frames[k], rgb));
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Frame(k));
     cv::Mat place = row(cv::Rect(column * (width + kGap), 0, width, height));
-    cv::cvtColor(cv::Mat(height, width, CV_8UC3, rgb.data()), place, cv::COLOR_RGB2BGR);
+    cv::cvtColor(cv::Mat(height, width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data())), place, cv::COLOR_RGB2BGR);
   }
   const std::string text = fmt::format("{}: \"{}\"   {} {}, {}, {:.1f} s", episode.index, episode.instruction,
                                        episode.task, episode.target, episode.outcome, episode.steps() / kControlRate);
@@ -38,34 +38,33 @@ Result<cv::Mat> Row(const Episode& episode, int columns) {
   return row;
 }
 
-// An episode's tile of a moving picture: the last picture stays when it is over.
+// An episode's tile of a moving picture: the last picture stays when it is over. The episode is borrowed.
 class Tile {
  public:
-  Tile(Episode episode, cv::Mat place) : episode_(std::move(episode)), place_(std::move(place)) {
+  Tile(const Episode& episode, cv::Mat place)
+      : camera_(episode.cameras[0].camera), frames_(episode), place_(std::move(place)) {
     const cv::Mat below = place_.rowRange(place_.rows - kCaption, place_.rows);
-    cv::putText(below, episode_.instruction, {5, 16}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar(230, 230, 230), 1,
+    cv::putText(below, episode.instruction, {5, 16}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar(230, 230, 230), 1,
                 cv::LINE_AA);
   }
-  std::size_t pictures() const { return episode_.cameras[0].frames.size(); }
+  std::size_t pictures() const { return frames_.size(); }
   Status Show(std::size_t k) {
-    const auto& frames = episode_.cameras[0].frames;
-    if (k >= frames.size()) return {};
-    const Camera& camera = episode_.cameras[0].camera;
-    std::vector<std::uint8_t> rgb(static_cast<std::size_t>(camera.width) * camera.height * 3);
-    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(frames[k], rgb));
-    cv::Mat picture(camera.height, camera.width, CV_8UC3, rgb.data());
+    if (k >= frames_.size()) return {};
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames_.Frame(k));
+    const cv::Mat picture(camera_.height, camera_.width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data()));
     cv::resize(picture, place_.rowRange(0, place_.rows - kCaption), {place_.cols, place_.rows - kCaption}, 0, 0,
                cv::INTER_AREA);
     return {};
   }
 
  private:
-  Episode episode_;
+  const Camera& camera_;
+  FrameCursor frames_;
   cv::Mat place_;
 };
 
 // All of them side by side, RGB, from their first picture to the end of the longest.
-Status WriteMoving(std::vector<Episode> episodes, const Path& file) {
+Status WriteMoving(const std::vector<Episode>& episodes, const Path& file) {
   const Camera& camera = episodes[0].cameras[0].camera;
   const int width = camera.width / 2 * 2, height = camera.height / 2 * 2 + kCaption;  // H.264 and WebP halve colours
   const int columns = static_cast<int>(episodes.size());
@@ -73,9 +72,9 @@ Status WriteMoving(std::vector<Episode> episodes, const Path& file) {
   cv::Mat canvas(height, columns * width, CV_8UC3, cv::Scalar(24, 24, 24));
   std::vector<Tile> tiles;
   std::size_t pictures = 0;
-  for (auto& episode : episodes) {
+  for (const auto& episode : episodes) {
     const int left = static_cast<int>(tiles.size()) * width;
-    tiles.emplace_back(std::move(episode), canvas(cv::Rect(left, 0, width, height)));
+    tiles.emplace_back(episode, canvas(cv::Rect(left, 0, width, height)));
     pictures = std::max(pictures, tiles.back().pictures());
   }
   video::Mp4Options options{.width = canvas.cols, .height = canvas.rows, .rate = rate};
@@ -106,7 +105,7 @@ Status WriteFilmstrips(const Path& dataset, const Path& picture, const Filmstrip
   for (const std::uint64_t index : chosen ? options.indices : all) {
     if (!chosen && static_cast<int>(rows.size() + episodes.size()) == options.episodes) break;
     ETUDE_ASSIGN_OR_RETURN(Episode episode, reader.ReadWhole(index));
-    if (episode.cameras.empty() || episode.cameras[0].frames.empty()) continue;
+    if (episode.cameras.empty() || episode.cameras[0].streams.empty()) continue;
     if (moving) {
       episodes.push_back(std::move(episode));
       continue;
@@ -114,7 +113,7 @@ Status WriteFilmstrips(const Path& dataset, const Path& picture, const Filmstrip
     ETUDE_ASSIGN_OR_RETURN(auto row, Row(episode, options.frames));
     rows.push_back(std::move(row));
   }
-  if (moving && !episodes.empty()) return WriteMoving(std::move(episodes), picture);
+  if (moving && !episodes.empty()) return WriteMoving(episodes, picture);
   if (rows.empty())
     return Fail(Code::kNotFound, fmt::format("filmstrips of '{}': no episode with pictures", dataset.string()));
   cv::Mat sheet;

@@ -10,9 +10,9 @@
 #include "services/cli/file_names.h"
 #include "services/cli/judge_state.h"
 #include "services/cli/overlay.h"
-#include "services/codec/frame.h"
 #include "services/core/stop.h"
 #include "services/episode/action.h"
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 #include "services/video/mp4_writer.h"
 
@@ -74,13 +74,13 @@ class Painter {
   /// @param insights  null: plain pictures. Both are borrowed.
   Painter(const Episode& episode, const DecisionInsights* insights)
       : episode_(episode),
+        frames_(episode),
         insights_(insights),
         camera_(episode.cameras[0].camera),
         scale_(insights == nullptr
                    ? kScale
                    : std::clamp((kOverlayWidth + camera_.width - 1) / camera_.width, 1, kMostOverlayScale)),
-        frame_(static_cast<std::size_t>(camera_.width) * camera_.height * 3),
-        enlarged_(frame_.size() * scale_ * scale_) {
+        enlarged_(episode.cameras[0].layout().frame_bytes() * scale_ * scale_) {
     const int lines = insights == nullptr ? 2 : 4;
     // H.264 halves colours: sides must be even
     const auto even = [](int side) { return side + side % 2; };
@@ -88,13 +88,14 @@ class Painter {
                       cv::Scalar(24, 24, 24));
   }
   cv::Size size() const { return canvas_.size(); }
+  std::size_t pictures() const { return frames_.size(); }
 
   /// RGB; valid until the next one. @error kCorrupt
   Result<std::span<const std::uint8_t>> Paint(std::size_t k) {
-    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(episode_.cameras[0].frames[k], frame_));
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames_.Frame(k));
     cv::Mat large(camera_.height * scale_, camera_.width * scale_, CV_8UC3, enlarged_.data());
-    cv::resize(cv::Mat(camera_.height, camera_.width, CV_8UC3, frame_.data()), large, large.size(), 0, 0,
-               cv::INTER_CUBIC);
+    cv::resize(cv::Mat(camera_.height, camera_.width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data())), large,
+               large.size(), 0, 0, cv::INTER_CUBIC);
     const int step = static_cast<int>(k) * episode_.image_stride;
     const policy::Insight* insight = InsightAt(step);
     if (insight != nullptr) DrawOverlay(*insight, camera_, scale_, enlarged_);
@@ -130,10 +131,11 @@ class Painter {
   }
 
   const Episode& episode_;
+  FrameCursor frames_;
   const DecisionInsights* insights_;
   const Camera& camera_;
   const int scale_;
-  std::vector<std::uint8_t> frame_, enlarged_;  // RGB
+  std::vector<std::uint8_t> enlarged_;  // RGB
   cv::Mat canvas_;
 };
 
@@ -143,7 +145,7 @@ Status WriteVideo(const Episode& episode, const DecisionInsights* insights, cons
       auto writer, video::Mp4Writer::Open(path, {.width = painter.size().width,
                                                  .height = painter.size().height,
                                                  .rate = {static_cast<int>(kControlRate), episode.image_stride}}));
-  for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
+  for (std::size_t k = 0; k < painter.pictures(); ++k) {
     ETUDE_ASSIGN_OR_RETURN(const auto picture, painter.Paint(k));
     ETUDE_RETURN_IF_ERROR(writer.Write(picture));
   }

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -20,7 +21,8 @@ static_assert(std::endian::native == std::endian::little, "blobs are copied as t
 constexpr std::string_view kMagic = "ETUDEEP1";
 constexpr std::size_t kPrefix = 12;  // magic and header size
 constexpr std::uint32_t kMaxHeader = 8u << 20;
-constexpr int kFormat = 2;  // 1: actions_abs had Euler angles
+// 1: actions_abs had Euler angles; 2: a frame was a stream, and episodes that have them so are still written so
+constexpr int kFormat = 3, kWholeFrames = 2;
 
 using Bytes = std::span<const std::uint8_t>;
 
@@ -40,22 +42,37 @@ struct ArrayList {
   }
 };
 
-OrderedJson CameraHeader(const Camera& camera, const std::vector<Bytes>& frames) {
-  const auto& p = camera.X_WC.p;
-  const auto& q = camera.X_WC.q;
-  auto sizes = OrderedJson::array();
-  for (const Bytes frame : frames) sizes.push_back(frame.size());
-  return {{"name", camera.name},
-          {"width", camera.width},
-          {"height", camera.height},
-          {"fovy", camera.fovy},
-          {"position", {p.x(), p.y(), p.z()}},
-          {"quaternion", {q.w(), q.x(), q.y(), q.z()}},
-          {"frames", std::move(sizes)}};
+// Of what was not recorded no file keeps a shape.
+codec::FrameLayout LayoutOf(const CameraTrack& track, const std::vector<Bytes>& streams) {
+  return {track.camera.width, track.camera.height, streams.empty() ? codec::ChunkShape{} : track.chunk};
 }
 
-OrderedJson Header(const Episode& episode, const FrameSpans& frames) {
-  OrderedJson json = {{"format", kFormat},
+bool HasWholeFrames(const Episode& episode, const StreamSpans& streams) {
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i)
+    if (!LayoutOf(episode.cameras[i], streams[i]).whole()) return false;
+  return true;
+}
+
+OrderedJson CameraHeader(const CameraTrack& track, const std::vector<Bytes>& streams, bool whole_frames) {
+  const Camera& camera = track.camera;
+  const auto& p = camera.X_WC.p;
+  const auto& q = camera.X_WC.q;
+  OrderedJson json = {{"name", camera.name},
+                      {"width", camera.width},
+                      {"height", camera.height},
+                      {"fovy", camera.fovy},
+                      {"position", {p.x(), p.y(), p.z()}},
+                      {"quaternion", {q.w(), q.x(), q.y(), q.z()}}};
+  const codec::FrameLayout layout = LayoutOf(track, streams);
+  if (!whole_frames) json["chunk"] = {layout.chunk.frames, layout.rows()};
+  auto& sizes = json[whole_frames ? "frames" : "streams"] = OrderedJson::array();
+  for (const Bytes stream : streams) sizes.push_back(stream.size());
+  return json;
+}
+
+OrderedJson Header(const Episode& episode, const StreamSpans& streams) {
+  const bool whole_frames = HasWholeFrames(episode, streams);
+  OrderedJson json = {{"format", whole_frames ? kWholeFrames : kFormat},
                       {"campaign", episode.campaign},
                       {"index", episode.index},
                       {"attempt", episode.attempt},
@@ -77,7 +94,7 @@ OrderedJson Header(const Episode& episode, const FrameSpans& frames) {
   for (const auto& object : episode.objects) json["objects"].push_back(object.name);
   json["cameras"] = OrderedJson::array();
   for (std::size_t i = 0; i < episode.cameras.size(); ++i)
-    json["cameras"].push_back(CameraHeader(episode.cameras[i].camera, frames[i]));
+    json["cameras"].push_back(CameraHeader(episode.cameras[i], streams[i], whole_frames));
   return json;
 }
 
@@ -95,8 +112,8 @@ ArrayList ArraysOf(const Episode& episode) {
   return arrays;
 }
 
-std::string HeaderText(const Episode& episode, const FrameSpans& frames, OrderedJson array_entries) {
-  OrderedJson json = Header(episode, frames);
+std::string HeaderText(const Episode& episode, const StreamSpans& streams, OrderedJson array_entries) {
+  OrderedJson json = Header(episode, streams);
   json["arrays"] = std::move(array_entries);
   return JsonText(json);
 }
@@ -211,7 +228,7 @@ class BlobReader {
   Bytes Take(std::uint64_t size) {
     if (!error_.empty()) return {};
     if (size > left_.size()) {
-      error_ = fmt::format("a frame of {} bytes, {} are left", size, left_.size());
+      error_ = fmt::format("a stream of {} bytes, {} are left", size, left_.size());
       return {};
     }
     const Bytes blob = left_.first(size);
@@ -236,7 +253,6 @@ class BlobReader {
 };
 
 void ReadScalars(FieldReader& header, Episode& episode) {
-  if (header.Unsigned("format") != kFormat) header.Complain("format");
   episode.campaign = header.Text("campaign");
   episode.index = header.Unsigned("index");
   episode.attempt = static_cast<std::uint32_t>(header.Unsigned("attempt", UINT32_MAX));
@@ -257,7 +273,7 @@ void ReadScalars(FieldReader& header, Episode& episode) {
   for (auto& name : header.Texts("objects", kMaxObjects)) episode.objects.emplace_back().name = std::move(name);
 }
 
-void ReadCamera(const OrderedJson& json, CameraTrack& track, std::string& error) {
+void ReadCamera(const OrderedJson& json, bool whole_frames, CameraTrack& track, std::string& error) {
   FieldReader fields(json, error);
   Camera& camera = track.camera;
   camera.name = fields.Text("name");
@@ -268,6 +284,11 @@ void ReadCamera(const OrderedJson& json, CameraTrack& track, std::string& error)
   const auto q = fields.Numbers<4>("quaternion");
   camera.X_WC.p = {p[0], p[1], p[2]};
   camera.X_WC.q = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+  if (whole_frames) return;
+  const auto chunk = fields.Numbers<2>("chunk");
+  for (const double extent : chunk)
+    if (!(extent >= 1 && extent <= kMaxImageSide && extent == std::floor(extent))) fields.Complain("chunk");
+  if (error.empty()) track.chunk = {static_cast<int>(chunk[0]), static_cast<int>(chunk[1])};
 }
 
 void ReadTracks(BlobReader& blobs, Episode& episode) {
@@ -285,13 +306,15 @@ void ReadTracks(BlobReader& blobs, Episode& episode) {
   episode.supervise.assign(supervise.begin(), supervise.end());
 }
 
-void ReadFrames(const OrderedJson& camera, BlobReader& blobs, std::vector<Bytes>& frames, std::string& error) {
+void ReadStreams(const OrderedJson& camera, bool whole_frames, BlobReader& blobs, std::vector<Bytes>& streams,
+                 std::string& error) {
+  const char* const key = whole_frames ? "frames" : "streams";
   FieldReader fields(camera, error);
-  for (const auto& size : fields.List("frames", kMaxSteps)) {
-    if (!size.is_number_unsigned()) fields.Complain("frames");
-    const Bytes frame = error.empty() ? blobs.Take(size.get<std::uint64_t>()) : Bytes{};
+  for (const auto& size : fields.List(key, kMaxStreams)) {
+    if (!size.is_number_unsigned()) fields.Complain(key);
+    const Bytes stream = error.empty() ? blobs.Take(size.get<std::uint64_t>()) : Bytes{};
     if (!error.empty()) return;
-    frames.push_back(frame);
+    streams.push_back(stream);
   }
 }
 
@@ -310,20 +333,20 @@ Result<OrderedJson> ReadHeader(Bytes bytes, std::size_t& header_end) {
 
 }  // namespace
 
-FrameSpans FramesOf(const Episode& episode) {
-  FrameSpans frames;
-  for (const auto& track : episode.cameras) frames.emplace_back(track.frames.begin(), track.frames.end());
-  return frames;
+StreamSpans StreamsOf(const Episode& episode) {
+  StreamSpans streams;
+  for (const auto& track : episode.cameras) streams.emplace_back(track.streams.begin(), track.streams.end());
+  return streams;
 }
 
 std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
   ArrayList arrays = ArraysOf(episode);
-  const std::string header = HeaderText(episode, FramesOf(episode), std::move(arrays.entries));
+  const std::string header = HeaderText(episode, StreamsOf(episode), std::move(arrays.entries));
   const auto header_size = static_cast<std::uint32_t>(header.size());
 
   std::size_t total = kPrefix + header.size() + arrays.size;
   for (const auto& track : episode.cameras)
-    for (const auto& frame : track.frames) total += frame.size();
+    for (const auto& stream : track.streams) total += stream.size();
   std::vector<std::uint8_t> bytes(total);
   std::uint8_t* cursor = bytes.data();
   const auto append = [&](const void* data, std::size_t size) {
@@ -335,42 +358,46 @@ std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
   append(header.data(), header.size());
   for (const Bytes blob : arrays.blobs) append(blob.data(), blob.size());
   for (const auto& track : episode.cameras)
-    for (const auto& frame : track.frames) append(frame.data(), frame.size());
+    for (const auto& stream : track.streams) append(stream.data(), stream.size());
   return bytes;
 }
 
 // As EncodeEpisode lays them out.
-std::string EpisodeSha256(const Episode& episode, const FrameSpans& frames) {
+std::string EpisodeSha256(const Episode& episode, const StreamSpans& streams) {
   ArrayList arrays = ArraysOf(episode);
-  const std::string header = HeaderText(episode, frames, std::move(arrays.entries));
+  const std::string header = HeaderText(episode, streams, std::move(arrays.entries));
   const auto header_size = static_cast<std::uint32_t>(header.size());
   Sha256 hash;
   hash.Update(kMagic);
   hash.Update(Bytes(reinterpret_cast<const std::uint8_t*>(&header_size), sizeof(header_size)));
   hash.Update(header);
   for (const Bytes blob : arrays.blobs) hash.Update(blob);
-  for (const auto& camera : frames)
-    for (const Bytes frame : camera) hash.Update(frame);
+  for (const auto& camera : streams)
+    for (const Bytes stream : camera) hash.Update(stream);
   return ToHex(hash.Finish());
 }
 
 namespace {
 
-// The pictures stay in `bytes`; nothing is validated beyond what the bytes themselves say.
+// The streams stay in `bytes`; nothing is validated beyond what the bytes themselves say.
 Result<EpisodeView> ReadView(Bytes bytes, std::size_t& header_end) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, ReadHeader(bytes, header_end));
   std::string error;
   EpisodeView view;
   Episode& episode = view.episode;
   FieldReader header(json, error);
+  const std::uint64_t format = header.Unsigned("format");
+  if (format != kFormat && format != kWholeFrames) header.Complain("format");
+  const bool whole_frames = format == kWholeFrames;
   ReadScalars(header, episode);
   const auto& cameras = header.List("cameras", kMaxCameras);
-  for (const auto& camera : cameras) ReadCamera(camera, episode.cameras.emplace_back(), error);
+  for (const auto& camera : cameras) ReadCamera(camera, whole_frames, episode.cameras.emplace_back(), error);
 
   BlobReader blobs(header.List("arrays", 16 + 2 * kMaxObjects), bytes.subspan(header_end), error);
   ReadTracks(blobs, episode);
-  view.frames.resize(episode.cameras.size());
-  for (std::size_t i = 0; i < episode.cameras.size(); ++i) ReadFrames(cameras[i], blobs, view.frames[i], error);
+  view.streams.resize(episode.cameras.size());
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i)
+    ReadStreams(cameras[i], whole_frames, blobs, view.streams[i], error);
   blobs.Finish();
   if (!error.empty()) return Fail(Code::kCorrupt, "episode: " + error);
   return view;
@@ -383,8 +410,9 @@ Status Corrupt(const Status& invalid) { return Fail(Code::kCorrupt, "episode: " 
 Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes) {
   std::size_t header_end = 0;
   ETUDE_ASSIGN_OR_RETURN(EpisodeView view, ReadView(bytes, header_end));
-  for (std::size_t i = 0; i < view.frames.size(); ++i)
-    for (const Bytes frame : view.frames[i]) view.episode.cameras[i].frames.emplace_back(frame.begin(), frame.end());
+  for (std::size_t i = 0; i < view.streams.size(); ++i)
+    for (const Bytes stream : view.streams[i])
+      view.episode.cameras[i].streams.emplace_back(stream.begin(), stream.end());
   if (Status valid = ValidateEpisode(view.episode); !valid) return Fail(Corrupt(valid).error());
   return std::move(view.episode);
 }
@@ -393,10 +421,10 @@ Result<EpisodeView> ViewEpisode(std::span<const std::uint8_t> bytes) {
   std::size_t header_end = 0;
   ETUDE_ASSIGN_OR_RETURN(EpisodeView view, ReadView(bytes, header_end));
   if (Status valid = ValidateEpisode(view.episode); !valid) return Fail(Corrupt(valid).error());
-  for (std::size_t i = 0; i < view.frames.size(); ++i)
-    if (Status valid = ValidateFrames(view.episode, i, view.frames[i]); !valid) return Fail(Corrupt(valid).error());
-  // arrays and pictures lie as they must, or reading them had failed: what is left free is the header's text
-  const std::string text = HeaderText(view.episode, view.frames, ArraysOf(view.episode).entries);
+  for (std::size_t i = 0; i < view.streams.size(); ++i)
+    if (Status valid = ValidateStreams(view.episode, i, view.streams[i]); !valid) return Fail(Corrupt(valid).error());
+  // arrays and streams lie as they must, or reading them had failed: what is left free is the header's text
+  const std::string text = HeaderText(view.episode, view.streams, ArraysOf(view.episode).entries);
   const auto header = bytes.subspan(kPrefix, header_end - kPrefix);
   if (!std::equal(header.begin(), header.end(), text.begin(), text.end(),
                   [](std::uint8_t a, char b) { return a == static_cast<std::uint8_t>(b); }))

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "services/codec/frames.h"
 #include "services/core/config.h"
 #include "services/episode/camera.h"
 
@@ -27,11 +28,15 @@ struct Track {
   void Push(std::span<const float> row_values) { values.insert(values.end(), row_values.begin(), row_values.end()); }
 };
 
-/// Pictures of one camera. Each frame is one zlib stream of height*width*3 bytes (RGB, row-major, top
-/// row first), exactly the bytes that become an HDF5 chunk: encoded once, never again.
+/// Frames of one camera (height, width, 3; RGB, row-major, top row first) as zlib streams, which are exactly the bytes
+/// that become the chunks of an HDF5 array: encoded once, never again. Frame k belongs to control step
+/// k * image_stride; frame_cursor.h gives it.
 struct CameraTrack {
   Camera camera;
-  std::vector<std::vector<std::uint8_t>> frames;  ///< frame k belongs to control step k * image_stride
+  codec::ChunkShape chunk;
+  std::vector<std::vector<std::uint8_t>> streams;  ///< layout().streams(FrameCount(...)) of them; none: not recorded
+
+  codec::FrameLayout layout() const { return {camera.width, camera.height, chunk}; }
 };
 
 struct ObjectTrack {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <set>
 
+#include "services/codec/deflate.h"
 #include "services/core/file.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
@@ -115,18 +116,28 @@ Status CheckCamera(const Camera& camera) {
 
 }  // namespace
 
-Status ValidateFrames(const Episode& episode, std::size_t camera,
-                      std::span<const std::span<const std::uint8_t>> frames) {
-  const Camera& seen_by = episode.cameras[camera].camera;
-  const std::string where = "camera " + seen_by.name;
-  const std::int64_t wanted = FrameCount(episode.steps(), episode.image_stride);
-  if (!frames.empty() && static_cast<std::int64_t>(frames.size()) != wanted)
-    return Bad(fmt::format("{}: {} frames, not {}", where, frames.size(), wanted));
-  // an incompressible frame grows by 5 bytes a block of at least 4 KiB
-  const std::uint64_t pixels = 3ull * seen_by.width * seen_by.height;
-  for (const auto& frame : frames)
-    if (frame.empty() || frame.size() > pixels + pixels / 256 + 64)
-      return Bad(fmt::format("{}: a frame of {} bytes", where, frame.size()));
+std::size_t RecordedFrames(const Episode& episode, std::size_t camera) {
+  if (episode.cameras[camera].streams.empty()) return 0;
+  return static_cast<std::size_t>(FrameCount(episode.steps(), episode.image_stride));
+}
+
+Status ValidateStreams(const Episode& episode, std::size_t camera,
+                       std::span<const std::span<const std::uint8_t>> streams) {
+  const CameraTrack& track = episode.cameras[camera];
+  const codec::FrameLayout layout = track.layout();
+  const std::string where = "camera " + track.camera.name;
+  if (!layout.IsGood())
+    return Bad(fmt::format("{}: chunks of {} frames x {} rows", where, layout.chunk.frames, layout.rows()));
+  const auto frames = static_cast<std::size_t>(FrameCount(episode.steps(), episode.image_stride));
+  if (!streams.empty() && streams.size() != layout.streams(frames))
+    return Bad(fmt::format("{}: {} streams of frames, not {}", where, streams.size(), layout.streams(frames)));
+  if (!streams.empty() && static_cast<std::size_t>(layout.chunk.frames) > frames)
+    return Bad(fmt::format("{}: chunks of {} frames, there are {}", where, layout.chunk.frames, frames));
+  if (streams.size() > kMaxStreams)
+    return Bad(fmt::format("{}: {} streams of frames, more than {}", where, streams.size(), kMaxStreams));
+  for (const auto& stream : streams)
+    if (stream.empty() || stream.size() > codec::StreamBound(layout.stream_bytes()))
+      return Bad(fmt::format("{}: a stream of {} bytes", where, stream.size()));
   return {};
 }
 
@@ -144,8 +155,8 @@ Status ValidateEpisode(const Episode& episode) {
   ETUDE_RETURN_IF_ERROR(tracks);
   ETUDE_RETURN_IF_ERROR(CheckPhases(episode, static_cast<std::size_t>(steps)));
   for (const auto& track : episode.cameras) ETUDE_RETURN_IF_ERROR(CheckCamera(track.camera));
-  const FrameSpans frames = FramesOf(episode);
-  for (std::size_t i = 0; i < frames.size(); ++i) ETUDE_RETURN_IF_ERROR(ValidateFrames(episode, i, frames[i]));
+  const StreamSpans streams = StreamsOf(episode);
+  for (std::size_t i = 0; i < streams.size(); ++i) ETUDE_RETURN_IF_ERROR(ValidateStreams(episode, i, streams[i]));
   return {};
 }
 

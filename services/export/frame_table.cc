@@ -178,7 +178,7 @@ Result<FrameLayout> LayoutOf(const Episode& episode) {
                      {"label.stage", ParquetType::kInt64, {"stage"}},
                      {"label.imitate", ParquetType::kBool, {"imitate"}}};
   for (const auto& track : episode.cameras)
-    if (!track.frames.empty())
+    if (!track.streams.empty())
       layout.cameras.push_back(
           {track.camera.name, "observation.images." + track.camera.name, track.camera.width, track.camera.height});
   return layout;

@@ -51,9 +51,9 @@ class Files21 final : public LeRobotFiles {
       ETUDE_RETURN_IF_ERROR(MakeFolders(folder / camera.name));
       const Path path = folder / camera.name / fmt::format("episode_{:06d}.mp4", episode.place.episode);
       ETUDE_ASSIGN_OR_RETURN(auto video, video::Mp4Writer::Open(path, VideoOptions(camera, layout_.fps)));
-      for (const auto& track : episode.source->cameras) {
-        if (track.camera.name != camera.camera) continue;
-        ETUDE_ASSIGN_OR_RETURN(episode.table.statistics[camera.name], WritePictures(track, video));
+      for (std::size_t c = 0; c < episode.source->cameras.size(); ++c) {
+        if (episode.source->cameras[c].camera.name != camera.camera) continue;
+        ETUDE_ASSIGN_OR_RETURN(episode.table.statistics[camera.name], WritePictures(*episode.source, c, video));
       }
       ETUDE_RETURN_IF_ERROR(video.Finish());
     }

@@ -166,9 +166,9 @@ class Files30 final : public LeRobotFiles {
     RollingVideo& video = videos_[i];
     ETUDE_RETURN_IF_ERROR(video.Begin());
     const double from = video.Now();
-    for (const auto& track : episode.source->cameras) {
-      if (track.camera.name != camera.camera) continue;
-      ETUDE_ASSIGN_OR_RETURN(episode.table.statistics[camera.name], WritePictures(track, video.file()));
+    for (std::size_t c = 0; c < episode.source->cameras.size(); ++c) {
+      if (episode.source->cameras[c].camera.name != camera.camera) continue;
+      ETUDE_ASSIGN_OR_RETURN(episode.table.statistics[camera.name], WritePictures(*episode.source, c, video.file()));
     }
     const std::string key = "videos/" + camera.name + "/";
     row[key + "chunk_index"] = video.number().chunk();

@@ -10,7 +10,8 @@
 #include <optional>
 #include <utility>
 
-#include "services/codec/frame.h"
+#include "services/codec/frames.h"
+#include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/episode/action.h"
@@ -164,8 +165,8 @@ bool IsPngOfSaneSides(std::span<const std::uint8_t> png) {
   return width >= 1 && width <= kMaxImageSide && height >= 1 && height <= kMaxImageSide;
 }
 
-// One picture as a zlib stream; `width` and `height` of 0 are set.
-Result<std::vector<std::uint8_t>> ReadPicture(const Path& path, int& width, int& height) {
+// One picture, RGB and without gaps between its rows; `width` and `height` of 0 are set.
+Result<cv::Mat> ReadPicture(const Path& path, int& width, int& height) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, kMostPicture));
   if (!IsPngOfSaneSides(bytes))
     return Bad(fmt::format("{} is no PNG of at most {} px a side", path.filename().string(), kMaxImageSide));
@@ -182,7 +183,7 @@ Result<std::vector<std::uint8_t>> ReadPicture(const Path& path, int& width, int&
   }
   if (picture.empty() || picture.cols != width || picture.rows != height)
     return Bad(fmt::format("{} is no picture of {}x{} px", path.filename().string(), width, height));
-  return codec::DeflateFrame({picture.data, static_cast<std::size_t>(picture.total()) * 3});
+  return picture;
 }
 
 // One step of one episode after the other.
@@ -354,9 +355,17 @@ class Importer {
   Status ReadPictures(const Path& folder, std::size_t steps, Episode& episode) {
     CameraTrack track;
     int width = width_, height = height_;
+    std::optional<codec::FrameDeflater> frames;
     for (std::size_t t = 0; t < steps; ++t) {
-      ETUDE_ASSIGN_OR_RETURN(auto frame, ReadPicture(folder / fmt::format("{}.png", t), width, height));
-      track.frames.push_back(std::move(frame));
+      ETUDE_ASSIGN_OR_RETURN(const cv::Mat picture, ReadPicture(folder / fmt::format("{}.png", t), width, height));
+      if (!frames) frames.emplace(codec::FrameLayout{width, height, codec::ChunkShapeFor(width, height)});
+      frames->Add({picture.data, picture.total() * 3});
+    }
+    if (frames) {
+      auto deflated = frames->Finish();
+      ETUDE_CHECK(deflated.count == steps, "{} of {} steps", deflated.count, steps);
+      track.chunk = deflated.chunk;
+      track.streams = std::move(deflated.streams);
     }
     width_ = width;
     height_ = height;

@@ -1,20 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/export/picture_stream.h"
 
-#include <fmt/format.h>
-
-#include <vector>
-
-#include "services/codec/frame.h"
+#include "services/episode/frame_cursor.h"
 
 namespace etude::exports::internal {
 
-Result<FeatureStatistics> WritePictures(const CameraTrack& track, video::Mp4Writer& video) {
-  std::vector<std::uint8_t> rgb(3ull * track.camera.width * track.camera.height);
+Result<FeatureStatistics> WritePictures(const Episode& episode, std::size_t camera, video::Mp4Writer& video) {
+  FrameCursor frames(episode, camera);
   PictureStatistics statistics;
-  for (std::size_t k = 0; k < track.frames.size(); ++k) {
-    if (Status inflated = codec::InflateFrame(track.frames[k], rgb); !inflated)
-      return Fail(inflated.error().Wrap(fmt::format("camera {} frame {}", track.camera.name, k)));
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Frame(k));
     statistics.Add(rgb);
     ETUDE_RETURN_IF_ERROR(video.Write(rgb, k == 0 ? video::KeyFrame::kForced : video::KeyFrame::kAsNeeded));
   }

@@ -10,6 +10,6 @@
 namespace etude::exports::internal {
 
 /// The first picture becomes a key frame. @error kCorrupt: a frame does not inflate; of the encoder
-Result<FeatureStatistics> WritePictures(const CameraTrack& track, video::Mp4Writer& video);
+Result<FeatureStatistics> WritePictures(const Episode& episode, std::size_t camera, video::Mp4Writer& video);
 
 }  // namespace etude::exports::internal

@@ -10,7 +10,7 @@
 #include <span>
 #include <type_traits>
 
-#include "services/codec/frame.h"
+#include "services/codec/deflate.h"
 #include "services/episode/bounded_json.h"
 #include "services/policy/conversion.h"
 
@@ -136,7 +136,7 @@ Result<std::size_t> WriteInsightFile(const Path& path, const InsightsOf& of, con
   for (const auto& [step, insight] : insights) {
     if (decisions.size() >= kMostKeptDecisions) break;
     const Bytes block = insight ? BlockOf(*insight) : Bytes{};
-    Bytes deflated = block.empty() || block.size() > kMostInsight ? Bytes{} : codec::DeflateFrame(block);
+    Bytes deflated = block.empty() || block.size() > kMostInsight ? Bytes{} : codec::Deflate(block);
     if (blocks.size() + deflated.size() + kMostIndexLine > kMostInsightFile) deflated.clear();
     decisions.push_back(
         {{"step", step}, {"bytes", deflated.size()}, {"size", deflated.empty() ? std::size_t{0} : block.size()}});
@@ -203,8 +203,7 @@ Result<Insight> InsightFile::At(std::size_t decision) const {
   Bytes deflated(place.bytes), block(place.size);
   ETUDE_ASSIGN_OR_RETURN(const std::size_t read, ReadAt(file_.get(), path_, place.offset, deflated));
   if (read < deflated.size()) return Fail(Code::kCorrupt, where + ": the file is cut short");
-  if (const Status inflated = codec::InflateFrame(deflated, block); !inflated)
-    return Fail(inflated.error().Wrap(where));
+  if (const Status inflated = codec::Inflate(deflated, block); !inflated) return Fail(inflated.error().Wrap(where));
   return InsightOf(block, where);
 }
 

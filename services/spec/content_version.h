@@ -18,7 +18,8 @@ namespace etude {
 ///   7  a jaw that stays is a finger; arms of five joints are disturbed; obstacles stand clear of wide objects; a level
 ///      hand pushes deep ones; fingers that hear late (control_delay) are waited for
 ///   8  every robot meets every task: robots' and tasks' turns that ended together do not (9: nor weighted ones)
-inline constexpr std::uint32_t kContentVersion = 9;
+///   10 several frames a stream, so that what stands still is stored once (services/codec/frames.h)
+inline constexpr std::uint32_t kContentVersion = 10;
 
 /// The same of what only rollouts have: how a policy's answers are followed. Part of their SpecHash alone, so that
 /// collected datasets go on.

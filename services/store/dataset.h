@@ -20,8 +20,10 @@
 #include <set>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "services/codec/frames.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/episode/codec.h"
@@ -32,7 +34,7 @@
 namespace etude::store {
 
 /// What this program writes. It reads from kOldestSchema on: format.md says what changed.
-inline constexpr int kSchemaVersion = 2;
+inline constexpr int kSchemaVersion = 3;
 inline constexpr int kOldestSchema = 1;
 
 /// DATASET/episodes/000/000123.hdf5
@@ -66,7 +68,7 @@ class DatasetWriter {
   /// @param facts  for its line in commits.jsonl; nothing of them enters the episode's file
   Status Commit(const Episode& episode, const CommitFacts& facts = {});
   /// Several at once, of different indices: files are fsynced together and each folder once, nothing is hashed again,
-  /// the bytes are made without HDF5. Of the pictures every 64th is inflated, all begin as a zlib stream; Verify looks
+  /// the bytes are made without HDF5. Of the streams every 64th is inflated, all begin as one of zlib; Verify looks
   /// at each. @returns for each what Commit would
   std::vector<Status> CommitGroup(std::span<const ArrivedEpisode> group);
   /// Appends to attempts.jsonl.
@@ -94,23 +96,33 @@ class DatasetWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Where one frame's zlib stream lies in its episode file.
-struct FrameLocation {
+/// Where one zlib stream lies in its episode file.
+struct StreamLocation {
   std::uint64_t offset = 0;
   std::uint32_t size = 0;
+};
+
+/// Where the frames of one camera lie in their episode file.
+struct StoredFrames {
+  codec::FrameLayout layout{1, 1, {}};
+  std::size_t count = 0;                ///< frames; 0: recorded without
+  std::vector<StreamLocation> streams;  ///< layout.streams(count) of them
+
+  std::size_t size() const { return count; }
+  bool empty() const { return count == 0; }
 };
 
 /// An episode without its pictures, plus where they are: what a trainer keeps in memory.
 struct EpisodeRecord {
   Path path;
-  Episode episode;                                 ///< cameras have no frames
-  std::vector<std::vector<FrameLocation>> frames;  ///< [camera][frame]
+  Episode episode;                   ///< cameras have no streams
+  std::vector<StoredFrames> frames;  ///< of each camera
 };
 
 /// Reads a dataset, also while it grows. Const methods are thread-safe.
 class DatasetReader {
  public:
-  /// Older schemas are converted while they are read. @error kNotFound, kCorrupt (dataset.json), kInvalidArgument
+  /// Older schemas are read, too (format.md). @error kNotFound, kCorrupt (dataset.json), kInvalidArgument
   /// for a schema that this program does not know.
   static Result<DatasetReader> Open(const Path& dataset);
 
@@ -138,11 +150,26 @@ class DatasetReader {
   std::int64_t content_version_ = 0;
 };
 
-/// Reads frames by file offset, with no HDF5 and no lock: pread + inflate. Thread-safe.
+/// Reads frames by file offset, with no HDF5 and no lock: pread + inflate. In any order; those of the block that was
+/// read last are there already. Not thread-safe; any number of them work at once.
 class FrameReader {
  public:
-  /// @error kCorrupt, kNotFound
-  static Status Read(const Path& file, const FrameLocation& location, std::span<std::uint8_t> pixels);
+  /// `frames` must outlive it.
+  FrameReader(Path file, const StoredFrames& frames) : file_(std::move(file)), frames_(frames) {}
+  FrameReader(Path file, StoredFrames&& frames) = delete;
+
+  /// RGB (height, width, 3); valid until the next call. @pre k < frames.size(). @error kCorrupt, kNotFound
+  Result<std::span<const std::uint8_t>> Read(std::size_t k);
+  /// All frames of one block, one after the other, into `pixels`, which gets its size; what is beyond the last frame is
+  /// not defined. Thread-safe. @pre block < frames.layout.blocks(frames.size()). @error kCorrupt, kNotFound
+  static Status ReadBlock(const Path& file, const StoredFrames& frames, std::size_t block,
+                          std::vector<std::uint8_t>& pixels);
+
+ private:
+  const Path file_;
+  const StoredFrames& frames_;
+  std::size_t held_ = SIZE_MAX;  // the block that is in pixels_
+  std::vector<std::uint8_t> pixels_;
 };
 
 struct VerifyReport {

@@ -58,7 +58,7 @@ Result<EpisodeRecord> DatasetReader::Read(std::uint64_t index) const {
 
 Result<Episode> DatasetReader::ReadWhole(std::uint64_t index) const {
   ETUDE_ASSIGN_OR_RETURN(auto loaded, Load(EpisodePath(path_, index), index));
-  return internal::WithFrames(std::move(loaded.file), loaded.bytes);
+  return internal::WithStreams(std::move(loaded.file), loaded.bytes);
 }
 
 }  // namespace etude::store

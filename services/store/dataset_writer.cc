@@ -33,7 +33,7 @@ namespace {
 
 constexpr std::size_t kMaxDetails = kMaxAttemptLine / 8;  // written out again, it may be longer
 constexpr std::size_t kMaxDetailsText = 1000;
-constexpr std::uint64_t kInflateEvery = 64;  // pictures, of what workers deflated and SHA-256 covers: 0.1 ms each
+constexpr std::uint64_t kInflateEvery = 64;  // streams, of what workers deflated and SHA-256 covers: 0.05 ms each
 
 // An attempt that waits for its policy in vain is made again under its own number, and may then fail for itself.
 using AttemptId = std::tuple<std::uint64_t, std::uint32_t, std::string>;
@@ -245,16 +245,16 @@ Status DatasetWriter::Impl::CheckArrived(const ArrivedEpisode& arrived) const {
   if (episode.spec_sha256 != spec_sha256)
     return Fail(Code::kInvalidArgument,
                 fmt::format("it was made from another spec ({}, not {})", episode.spec_sha256, spec_sha256));
-  if (Status good = internal::CheckFrames(episode, arrived.view->frames, kInflateEvery); !good)
+  if (Status good = internal::CheckStreams(episode, arrived.view->streams, kInflateEvery); !good)
     return Fail(Code::kInvalidArgument, good.error().message);
   return {};
 }
 
 Status DatasetWriter::Commit(const Episode& episode, const CommitFacts& facts) {
   if (Contains(episode.index)) return {};
-  EpisodeView view{episode, FramesOf(episode)};
+  EpisodeView view{episode, StreamsOf(episode)};
   Status good = ValidateEpisode(episode);
-  if (good) good = internal::CheckFrames(episode, view.frames);
+  if (good) good = internal::CheckStreams(episode, view.streams);
   if (!good)
     return Fail(Code::kInvalidArgument, fmt::format("commit episode {} to '{}': {}", episode.index,
                                                     impl_->dataset.string(), good.error().message));
@@ -264,17 +264,18 @@ Status DatasetWriter::Commit(const Episode& episode, const CommitFacts& facts) {
 
 namespace {
 
-std::uint64_t PictureCount(const EpisodeView& view) {
-  std::uint64_t pictures = 0;
-  for (const auto& camera : view.frames) pictures += camera.size();
-  return pictures;
+std::uint64_t FramesIn(const EpisodeView& view) {
+  const auto of_camera = static_cast<std::uint64_t>(FrameCount(view.episode.steps(), view.episode.image_stride));
+  std::uint64_t frames = 0;
+  for (const auto& streams : view.streams) frames += streams.empty() ? 0 : of_camera;
+  return frames;
 }
 
 }  // namespace
 
 // What was committed, in memory and in the journal.
 void DatasetWriter::Impl::Account(const ArrivedEpisode& arrived, std::uint64_t bytes) {
-  CommitRow row = RowOf(arrived.view->episode, PictureCount(*arrived.view), bytes);
+  CommitRow row = RowOf(arrived.view->episode, FramesIn(*arrived.view), bytes);
   row.facts = arrived.facts;
   row.t = WallSeconds();
   committed.insert(row.index);
@@ -292,7 +293,7 @@ std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> g
     if (Contains(view.episode.index)) continue;
     statuses[i] = impl_->CheckArrived(group[i]);
     if (!statuses[i]) continue;
-    auto made = internal::LayOutEpisodeFile(view.episode, view.frames, group[i].content_sha256);
+    auto made = internal::LayOutEpisodeFile(view.episode, view.streams, group[i].content_sha256);
     if (!made) {
       statuses[i] = Fail(made.error());
       continue;

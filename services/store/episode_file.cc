@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "services/codec/checksum.h"
-#include "services/codec/frame.h"
+#include "services/codec/deflate.h"
 #include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/episode/action.h"
@@ -63,9 +63,9 @@ void ScaleAction(std::vector<float>& row) {
 template <class File>
 class Writer {
  public:
-  Writer(const Episode& episode, const FrameSpans& frames, const std::string& content_sha256, File& file)
+  Writer(const Episode& episode, const StreamSpans& streams, const std::string& content_sha256, File& file)
       : episode_(episode),
-        frames_(frames),
+        streams_(streams),
         content_sha256_(content_sha256),
         file_(file),
         demo_(DemoGroup(episode.index)) {
@@ -86,7 +86,7 @@ class Writer {
     WriteRobomimic();
     WriteObservations();
     WriteControl();
-    for (std::size_t i = 0; i < episode_.cameras.size(); ++i) WriteCamera(episode_.cameras[i].camera, frames_[i]);
+    for (std::size_t i = 0; i < episode_.cameras.size(); ++i) WriteCamera(episode_.cameras[i], streams_[i]);
   }
 
  private:
@@ -179,7 +179,8 @@ class Writer {
     file_.Array(demo_ + "/control/supervise", episode_.supervise, {steps});
   }
 
-  void WriteCamera(const Camera& camera, const std::vector<std::span<const std::uint8_t>>& frames) {
+  void WriteCamera(const CameraTrack& track, const std::vector<std::span<const std::uint8_t>>& streams) {
+    const Camera& camera = track.camera;
     const std::string group = demo_ + "/cameras/" + camera.name;
     const auto& p = camera.X_WC.p;
     const auto& q = camera.X_WC.q;
@@ -199,11 +200,12 @@ class Writer {
     for (int i = 0; i < 3; ++i) X.insert(X.end(), {R(i, 0), -R(i, 1), -R(i, 2), p[i]});
     X.insert(X.end(), {0, 0, 0, 1});
     file_.Array(group + "/pose", X, {4, 4});
-    if (!frames.empty()) file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, frames);
+    if (!streams.empty())
+      file_.Frames(demo_ + "/obs/" + camera.name + "_image", track.layout(), image_steps_.size(), streams);
   }
 
   const Episode& episode_;
-  const FrameSpans& frames_;
+  const StreamSpans& streams_;
   const std::string& content_sha256_;
   File& file_;
   const std::string demo_;
@@ -223,23 +225,22 @@ std::string EnvArgs() {
       .dump();
 }
 
-std::string ContentHash(const Episode& episode) { return EpisodeSha256(episode, FramesOf(episode)); }
+std::string ContentHash(const Episode& episode) { return EpisodeSha256(episode, StreamsOf(episode)); }
 
-Status CheckFrames(const Episode& episode, const FrameSpans& frames, std::uint64_t every) {
+Status CheckStreams(const Episode& episode, const StreamSpans& streams, std::uint64_t every) {
   std::vector<std::uint8_t> pixels;
   for (std::size_t i = 0; i < episode.cameras.size(); ++i) {
-    const Camera& camera = episode.cameras[i].camera;
-    pixels.resize(3ull * camera.width * camera.height);
-    for (std::size_t k = 0; k < frames[i].size(); ++k) {
-      const auto context = [&] { return fmt::format("camera {} frame {}", camera.name, k); };
+    const CameraTrack& track = episode.cameras[i];
+    pixels.resize(track.layout().stream_bytes());
+    for (std::size_t k = 0; k < streams[i].size(); ++k) {
+      const auto context = [&] { return fmt::format("camera {} stream {}", track.camera.name, k); };
       // RFC 1950: deflate, and a head that is divisible by 31
-      const auto frame = frames[i][k];
-      if (frame.size() < 6 || (frame[0] & 0x0F) != 8 || (256 * frame[0] + frame[1]) % 31 != 0)
+      const auto stream = streams[i][k];
+      if (stream.size() < 6 || (stream[0] & 0x0F) != 8 || (256 * stream[0] + stream[1]) % 31 != 0)
         return Fail(Code::kCorrupt, context() + ": not a zlib stream");
-      const bool asked = k % every == episode.index % every || (k + 1 == frames[i].size() && k < every);
+      const bool asked = k % every == episode.index % every || (k + 1 == streams[i].size() && k < every);
       if (!asked) continue;
-      if (Status inflated = codec::InflateFrame(frame, pixels); !inflated)
-        return Fail(inflated.error().Wrap(context()));
+      if (Status inflated = codec::Inflate(stream, pixels); !inflated) return Fail(inflated.error().Wrap(context()));
     }
   }
   return {};
@@ -266,35 +267,35 @@ Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> by
 
 std::vector<std::span<const std::uint8_t>> EpisodeFileParts::pieces() const {
   std::vector<std::span<const std::uint8_t>> pieces{head};
-  pieces.insert(pieces.end(), frames.begin(), frames.end());
+  pieces.insert(pieces.end(), streams.begin(), streams.end());
   pieces.emplace_back(reinterpret_cast<const std::uint8_t*>(seal.data()), seal.size());
   return pieces;
 }
 
 std::uint64_t EpisodeFileParts::size() const {
   std::uint64_t size = head.size() + seal.size();
-  for (const auto frame : frames) size += frame.size();
+  for (const auto stream : streams) size += stream.size();
   return size;
 }
 
-Result<EpisodeFileParts> LayOutEpisodeFile(const Episode& episode, const FrameSpans& frames,
+Result<EpisodeFileParts> LayOutEpisodeFile(const Episode& episode, const StreamSpans& streams,
                                            const std::string& content_sha256) {
   HdfImage file;
-  Writer(episode, frames, content_sha256, file).Write();
+  Writer(episode, streams, content_sha256, file).Write();
   ETUDE_ASSIGN_OR_RETURN(auto image, file.Finish());
-  EpisodeFileParts parts{std::move(image.head), std::move(image.frames), ""};
+  EpisodeFileParts parts{std::move(image.head), std::move(image.streams), ""};
   const std::uint64_t size = parts.size();
   std::uint32_t crc32 = codec::Crc32(0, parts.head);
-  for (const auto frame : parts.frames) crc32 = codec::Crc32(crc32, frame);
+  for (const auto stream : parts.streams) crc32 = codec::Crc32(crc32, stream);
   parts.seal = Seal(crc32, size);
   return parts;
 }
 
 Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode) {
   ETUDE_RETURN_IF_ERROR(ValidateEpisode(episode));
-  const FrameSpans frames = FramesOf(episode);
-  if (Status good = CheckFrames(episode, frames); !good) return Fail(Code::kInvalidArgument, good.error().message);
-  ETUDE_ASSIGN_OR_RETURN(const auto parts, LayOutEpisodeFile(episode, frames, ContentHash(episode)));
+  const StreamSpans streams = StreamsOf(episode);
+  if (Status good = CheckStreams(episode, streams); !good) return Fail(Code::kInvalidArgument, good.error().message);
+  ETUDE_ASSIGN_OR_RETURN(const auto parts, LayOutEpisodeFile(episode, streams, ContentHash(episode)));
   std::vector<std::uint8_t> bytes;
   bytes.reserve(parts.size());
   for (const auto piece : parts.pieces()) bytes.insert(bytes.end(), piece.begin(), piece.end());
@@ -302,10 +303,10 @@ Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode) {
 }
 
 Result<std::vector<std::uint8_t>> EncodeByLibrary(const Episode& episode) {
-  const FrameSpans frames = FramesOf(episode);
+  const StreamSpans streams = StreamsOf(episode);
   const std::string content_sha256 = ContentHash(episode);
   HdfWriter file;  // HDF5 is locked from here on
-  Writer(episode, frames, content_sha256, file).Write();
+  Writer(episode, streams, content_sha256, file).Write();
   return file.Finish();
 }
 

@@ -127,7 +127,8 @@ class Reader {
   void ReadCamera(const std::string& name) {
     if (!IsPlainName(name)) Complain("attribute cameras: a name is not plain");
     if (!error_.empty()) return;
-    Camera& camera = result_.episode.cameras.emplace_back().camera;
+    CameraTrack& track = result_.episode.cameras.emplace_back();
+    Camera& camera = track.camera;
     const std::string group = demo_ + "/cameras/" + name;
     const auto side = [&](const char* attribute) {
       return static_cast<int>(std::clamp<std::int64_t>(file_.Scalar<std::int64_t>(group, attribute), 0, INT32_MAX));
@@ -140,20 +141,20 @@ class Reader {
     const auto q = file_.Vector<double>(group, "quaternion_wxyz", 4);
     camera.X_WC.p = {p[0], p[1], p[2]};
     camera.X_WC.q = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
-    ReadFrameLocations(camera);
+    ReadFrames(track);
   }
 
-  void ReadFrameLocations(const Camera& camera) {
-    auto& locations = result_.frames.emplace_back();
-    const std::string image = camera.name + "_image";
+  void ReadFrames(CameraTrack& track) {
+    auto& frames = result_.frames.emplace_back();
+    const std::string image = track.camera.name + "_image";
     const auto names = file_.Children(demo_ + "/obs");
     if (std::find(names.begin(), names.end(), image) == names.end()) return;  // recorded without pictures
-    Shape shape;
-    locations = file_.FrameLocations(demo_ + "/obs/" + image, shape);
-    const auto frames = FrameCount(result_.episode.steps(), result_.episode.image_stride);
-    if (shape != Shape{static_cast<std::uint64_t>(frames), static_cast<std::uint64_t>(camera.height),
-                       static_cast<std::uint64_t>(camera.width), 3})
-      Complain(fmt::format("pictures {}: shape does not fit steps and camera", image));
+    frames = file_.Frames(demo_ + "/obs/" + image);
+    track.chunk = frames.layout.chunk;
+    const auto count = FrameCount(result_.episode.steps(), result_.episode.image_stride);
+    if (frames.count != static_cast<std::size_t>(count) || frames.layout.width != track.camera.width ||
+        frames.layout.height != track.camera.height)
+      Complain(fmt::format("frames {}: shape does not fit steps and camera", image));
   }
 
   HdfView& file_;
@@ -175,17 +176,18 @@ Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes) {
   return result;
 }
 
-FrameSpans FramesIn(const EpisodeFile& file, std::span<const std::uint8_t> bytes) {
-  FrameSpans frames(file.frames.size());
+StreamSpans StreamsIn(const EpisodeFile& file, std::span<const std::uint8_t> bytes) {
+  StreamSpans streams(file.frames.size());
   for (std::size_t c = 0; c < file.frames.size(); ++c)
-    for (const auto& location : file.frames[c]) frames[c].push_back(bytes.subspan(location.offset, location.size));
-  return frames;
+    for (const auto& location : file.frames[c].streams)
+      streams[c].push_back(bytes.subspan(location.offset, location.size));
+  return streams;
 }
 
-Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes) {
-  const FrameSpans frames = FramesIn(file, bytes);
-  for (std::size_t c = 0; c < frames.size(); ++c)
-    for (const auto stream : frames[c]) file.episode.cameras[c].frames.emplace_back(stream.begin(), stream.end());
+Episode WithStreams(EpisodeFile file, std::span<const std::uint8_t> bytes) {
+  const StreamSpans streams = StreamsIn(file, bytes);
+  for (std::size_t c = 0; c < streams.size(); ++c)
+    for (const auto stream : streams[c]) file.episode.cameras[c].streams.emplace_back(stream.begin(), stream.end());
   return std::move(file.episode);
 }
 

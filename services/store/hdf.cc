@@ -191,26 +191,28 @@ void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t na
   Check(H5Dwrite(array.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, what);
 }
 
-void HdfWriter::Frames(const std::string& path, int height, int width,
+void HdfWriter::Frames(const std::string& path, const codec::FrameLayout& layout, std::size_t count,
                        const std::vector<std::span<const std::uint8_t>>& streams) {
   if (!failed_.empty()) return;
+  if (!Check(layout.IsGood() && streams.size() == layout.streams(count), "frames " + path + ": not as many streams"))
+    return;
   Group(path.substr(0, path.rfind('/')));
-  const auto h = static_cast<std::uint64_t>(height);
-  const auto w = static_cast<std::uint64_t>(width);
-  const Hid space = Space({streams.size(), h, w, 3});
-  const hsize_t chunk[4] = {1, h, w, 3};
+  const auto extent = [](int n) { return static_cast<hsize_t>(n); };
+  const Hid space = Space({count, extent(layout.height), extent(layout.width), 3});
+  const hsize_t chunk[4] = {extent(layout.chunk.frames), extent(layout.rows()), extent(layout.width), 3};
   const Hid creation(H5Pcopy(dataset_.get()));
   const bool ready = creation && H5Pset_chunk(creation.get(), 4, chunk) >= 0 &&
                      H5Pset_fill_time(creation.get(), H5D_FILL_TIME_NEVER) >= 0 &&
                      H5Pset_deflate(creation.get(), 1) >= 0;
-  if (!Check(ready, "lay out pictures " + path)) return;
+  if (!Check(ready, "lay out frames " + path)) return;
   const Hid array(
       H5Dcreate2(file_.get(), path.c_str(), H5T_STD_U8LE, space.get(), link_.get(), creation.get(), H5P_DEFAULT));
-  if (!Check(bool(array), "create pictures " + path)) return;
-  for (std::size_t k = 0; k < streams.size() && failed_.empty(); ++k) {
-    const hsize_t at[4] = {k, 0, 0, 0};
-    Check(H5Dwrite_chunk(array.get(), H5P_DEFAULT, 0, at, streams[k].size(), streams[k].data()) >= 0,
-          fmt::format("write frame {} of {}", k, path));
+  if (!Check(bool(array), "create frames " + path)) return;
+  const auto bands = static_cast<std::size_t>(layout.bands());
+  for (std::size_t i = 0; i < streams.size() && failed_.empty(); ++i) {
+    const hsize_t at[4] = {i / bands * chunk[0], i % bands * chunk[1], 0, 0};
+    Check(H5Dwrite_chunk(array.get(), H5P_DEFAULT, 0, at, streams[i].size(), streams[i].data()) >= 0,
+          fmt::format("write stream {} of {}", i, path));
   }
 }
 

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "services/codec/frames.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/store/hdf_image.h"
@@ -85,9 +86,8 @@ class HdfWriter {
   void Array(const std::string& path, const std::vector<T>& values, const Shape& shape) {
     WriteArray(path, shape, HdfType<T>::native(), HdfType<T>::file(), values.data(), values.size());
   }
-  /// (frames, height, width, 3) uint8, one frame a chunk with the deflate filter; the zlib streams
-  /// become the chunks as they are.
-  void Frames(const std::string& path, int height, int width,
+  /// (count, height, width, 3) uint8 with the deflate filter; the zlib streams become the chunks as they are.
+  void Frames(const std::string& path, const codec::FrameLayout& layout, std::size_t count,
               const std::vector<std::span<const std::uint8_t>>& streams);
   /// (n,) byte strings of one length, padded with NUL.
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);

@@ -173,17 +173,18 @@ struct HdfImage::Object {
   std::vector<std::pair<std::string, const Object*>> links;
   Bytes type;
   Shape shape;
-  Bytes data;                                         // of a contiguous array
-  std::vector<std::span<const std::uint8_t>> frames;  // of pictures
+  Bytes data;                                          // of a contiguous array
+  std::vector<std::span<const std::uint8_t>> streams;  // of frames
+  Shape chunk;                                         // what each of them holds
   std::uint64_t address = 0, data_address = kUndefined;
 
-  bool chunked() const { return !frames.empty(); }
+  bool chunked() const { return !streams.empty(); }
   std::size_t key_size() const { return 8 + 8 * (shape.size() + 1); }
   std::size_t node_size() const { return 24 + kTreeSlots * 8 + (kTreeSlots + 1) * key_size(); }
-  // Nodes of each level of the pictures' B-tree, leaves first.
+  // Nodes of each level of the streams' B-tree, leaves first.
   std::vector<std::size_t> tree_levels() const {
     std::vector<std::size_t> levels;
-    std::size_t count = frames.size();
+    std::size_t count = streams.size();
     do levels.push_back(count = (count + kTreeSlots - 1) / kTreeSlots);
     while (count > 1);
     return levels;
@@ -216,7 +217,7 @@ struct HdfImage::Object {
   }
 
   void WriteTree(Bytes& out) const;
-  void WriteTreeKey(Bytes& out, std::uint64_t frame) const;
+  void WriteTreeKey(Bytes& out, std::uint64_t stream) const;
 
  private:
   void PutGroup(Bytes& out) const {
@@ -252,8 +253,7 @@ struct HdfImage::Object {
     if (chunked()) {
       layout.push_back(static_cast<std::uint8_t>(shape.size() + 1));
       Put(layout, data_address);
-      Put(layout, std::uint32_t{1});
-      for (std::size_t i = 1; i < shape.size(); ++i) Put(layout, static_cast<std::uint32_t>(shape[i]));
+      for (const std::uint64_t extent : chunk) Put(layout, static_cast<std::uint32_t>(extent));
       Put(layout, std::uint32_t{1});  // byte a value
     } else {
       Put(layout, data_address);
@@ -286,30 +286,33 @@ struct HdfImage::Object {
   }
 };
 
-void HdfImage::Object::WriteTreeKey(Bytes& out, std::uint64_t frame) const {
-  const bool last = frame >= frames.size();
-  Put(out, static_cast<std::uint32_t>(last ? 0 : frames[frame].size()));
+void HdfImage::Object::WriteTreeKey(Bytes& out, std::uint64_t stream) const {
+  const bool last = stream >= streams.size();
+  Put(out, static_cast<std::uint32_t>(last ? 0 : streams[stream].size()));
   Put(out, std::uint32_t{0});  // no filter is left out
-  Put(out, std::uint64_t{std::min<std::uint64_t>(frame, frames.size())});
-  for (std::size_t i = 1; i < shape.size(); ++i) Put(out, last ? shape[i] : std::uint64_t{0});
-  Put(out, std::uint64_t{last ? 1u : 0u});
+  // where it begins; behind the last one what would follow it along each extent
+  const std::uint64_t at = last ? streams.size() - 1 : stream, beyond = last ? 1 : 0;
+  const std::uint64_t bands = (shape[1] + chunk[1] - 1) / chunk[1];
+  const std::uint64_t place[] = {at / bands, at % bands, 0, 0};
+  for (std::size_t i = 0; i < shape.size(); ++i) Put(out, (place[i] + beyond) * chunk[i]);
+  Put(out, beyond);
 }
 
 // III.A.1, node type 1. `data_address` is that of the root: levels follow each other from the root down to the leaves,
-// and what the leaves name lies one after the other behind `first_frame`, which the caller has put into `data`.
+// and what the leaves name lies one after the other behind `first_stream`, which the caller has put into `data`.
 void HdfImage::Object::WriteTree(Bytes& out) const {
-  std::uint64_t first_frame = 0;
-  std::memcpy(&first_frame, data.data(), sizeof(first_frame));
+  std::uint64_t first_stream = 0;
+  std::memcpy(&first_stream, data.data(), sizeof(first_stream));
   const auto levels = tree_levels();
   std::vector<std::uint64_t> level_at(levels.size());
   std::uint64_t at = data_address;
   for (std::size_t level = levels.size(); level-- > 0; at += levels[level] * node_size()) level_at[level] = at;
 
   for (std::size_t level = levels.size(); level-- > 0;) {
-    const std::size_t below = level == 0 ? frames.size() : levels[level - 1];
-    std::uint64_t span = 1;  // frames below an entry
+    const std::size_t below = level == 0 ? streams.size() : levels[level - 1];
+    std::uint64_t span = 1;  // streams below an entry
     for (std::size_t i = 0; i < level; ++i) span *= kTreeSlots;
-    std::uint64_t frame_at = first_frame;
+    std::uint64_t stream_at = first_stream;
     for (std::size_t node = 0; node < levels[level]; ++node) {
       const std::size_t begin = out.size(), first = node * kTreeSlots, used = std::min(kTreeSlots, below - first);
       const auto sibling = [&](bool there, std::size_t which) {
@@ -323,8 +326,8 @@ void HdfImage::Object::WriteTree(Bytes& out) const {
       sibling(node + 1 < levels[level], node + 1);
       for (std::size_t i = first; i < first + used; ++i) {
         WriteTreeKey(out, i * span);
-        Put(out, level == 0 ? frame_at : level_at[level - 1] + i * node_size());
-        if (level == 0) frame_at += frames[i].size();
+        Put(out, level == 0 ? stream_at : level_at[level - 1] + i * node_size());
+        if (level == 0) stream_at += streams[i].size();
       }
       WriteTreeKey(out, (first + used) * span);
       PadTo(out, begin + node_size());
@@ -424,17 +427,21 @@ void HdfImage::AddArray(const std::string& path, const Bytes& type, const Shape&
   made->data.assign(data.begin(), data.end());
 }
 
-void HdfImage::Frames(const std::string& path, int height, int width,
+void HdfImage::Frames(const std::string& path, const codec::FrameLayout& layout, std::size_t count,
                       const std::vector<std::span<const std::uint8_t>>& streams) {
   for (const auto& stream : streams)
     if (stream.empty() || stream.size() > std::numeric_limits<std::uint32_t>::max())
-      return Complain(fmt::format("pictures {}: a frame of {} bytes", path, stream.size()));
-  if (streams.empty() || height <= 0 || width <= 0) return Complain("pictures " + path + ": none, or without a size");
+      return Complain(fmt::format("frames {}: a stream of {} bytes", path, stream.size()));
+  if (count == 0 || !layout.IsGood() || streams.size() != layout.streams(count) ||
+      static_cast<std::size_t>(layout.chunk.frames) > count)
+    return Complain(fmt::format("frames {}: {} streams for {}", path, streams.size(), count));
   Object* const made = Make(path);
   if (made == nullptr) return;
+  const auto extent = [](int n) { return static_cast<std::uint64_t>(n); };
   made->type = TypeOf<std::uint8_t>();
-  made->shape = {streams.size(), static_cast<std::uint64_t>(height), static_cast<std::uint64_t>(width), 3};
-  made->frames = streams;
+  made->shape = {count, extent(layout.height), extent(layout.width), 3};
+  made->chunk = {extent(layout.chunk.frames), extent(layout.rows()), extent(layout.width), 3};
+  made->streams = streams;
 }
 
 // III.E: texts in collections of at least kHeapLeast bytes, from `at` on. Returns where they end.
@@ -510,8 +517,8 @@ Result<HdfImageBytes> HdfImage::Finish() {
   for (const auto& object : objects_) {
     if (!object->chunked()) continue;
     Put(object->data, at);
-    for (const auto& frame : object->frames) at += frame.size();
-    image.frames.insert(image.frames.end(), object->frames.begin(), object->frames.end());
+    for (const auto& stream : object->streams) at += stream.size();
+    image.streams.insert(image.streams.end(), object->streams.begin(), object->streams.end());
   }
 
   Bytes& out = image.head;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // An HDF5 file's bytes without HDF5's library: no lock, no parser, one pass, and large data stays where it is. What it
 // knows of the format is what an episode's file needs (HDF5 File Format Specification 3.0): superblock 2, object
-// headers 2 with compact links and attributes, contiguous arrays, pictures in chunks under a version 1 B-tree, texts in
+// headers 2 with compact links and attributes, contiguous arrays, frames in chunks under a version 1 B-tree, texts in
 // global heaps. The library, h5py and h5dump read it as a file of format 1.8; tests compare it with what HdfWriter
 // makes of the same calls.
 #pragma once
@@ -14,17 +14,18 @@
 #include <string_view>
 #include <vector>
 
+#include "services/codec/frames.h"
 #include "services/core/result.h"
 
 namespace etude::store::internal {
 
 using Shape = std::vector<std::uint64_t>;
 
-/// A file in two parts: what was made of it, and the pictures, which lie one after the other behind it and belong to
-/// the caller.
+/// A file in two parts: what was made of it, and the streams of frames, which lie one after the other behind it and
+/// belong to the caller.
 struct HdfImageBytes {
   std::vector<std::uint8_t> head;
-  std::vector<std::span<const std::uint8_t>> frames;
+  std::vector<std::span<const std::uint8_t>> streams;
 };
 
 /// The calls of HdfWriter that an episode's file is made of; the same calls give the same bytes. Not thread-safe;
@@ -50,8 +51,8 @@ class HdfImage {
   void Array(const std::string& path, const std::vector<T>& values, const Shape& shape) {
     AddArray(path, TypeOf<T>(), shape, BytesOf(values.data(), values.size()));
   }
-  /// (frames, height, width, 3) uint8, one frame a chunk; the streams must outlive what Finish gives.
-  void Frames(const std::string& path, int height, int width,
+  /// (count, height, width, 3) uint8, a stream each chunk; the streams must outlive what Finish gives.
+  void Frames(const std::string& path, const codec::FrameLayout& layout, std::size_t count,
               const std::vector<std::span<const std::uint8_t>>& streams);
 
   /// Call once, last. @error kInternal with the first call that did not fit
@@ -74,7 +75,7 @@ class HdfImage {
                     std::span<const std::uint8_t> data);
   void AddArray(const std::string& path, const Bytes& type, const Shape& shape, std::span<const std::uint8_t> data);
   void Complain(std::string what);
-  std::uint64_t PlaceHead();  ///< gives all but the frames their addresses; returns where it ends
+  std::uint64_t PlaceHead();  ///< gives all but the streams their addresses; returns where it ends
   std::uint64_t PlaceTexts(std::uint64_t at);
   void WriteHeaps(Bytes& out) const;
 

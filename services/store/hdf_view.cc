@@ -282,7 +282,11 @@ Bytes HdfView::Values(const std::string& path, const Type& type, std::size_t ran
 
 // III.A.1, node type 1. Levels fall from the root down, so that no node is below itself; that many nodes share one
 // below them is bounded by their number.
-bool HdfView::ReadTree(std::uint64_t root, std::vector<FrameLocation>& locations) const {
+bool HdfView::ReadTree(std::uint64_t root, StoredFrames& frames) const {
+  const codec::FrameLayout& layout = frames.layout;
+  auto& locations = frames.streams;
+  const auto of_block = static_cast<std::uint64_t>(layout.chunk.frames),
+             rows = static_cast<std::uint64_t>(layout.rows()), bands = static_cast<std::uint64_t>(layout.bands());
   struct Node {
     std::uint64_t address, above;
   };
@@ -297,8 +301,9 @@ bool HdfView::ReadTree(std::uint64_t root, std::vector<FrameLocation>& locations
     cursor.Take(16);  // siblings
     if (!begins || level >= node.above) return false;
     for (std::uint64_t entry = 0; entry < used; ++entry) {
-      const auto size = cursor.Number(4), left_out = cursor.Number(4), frame = cursor.Number(8);
-      const Bytes others = cursor.Take(32);  // where it begins along the other extents
+      const auto size = cursor.Number(4), left_out = cursor.Number(4);
+      const auto frame = cursor.Number(8), row = cursor.Number(8);
+      const Bytes others = cursor.Take(24);  // where it begins along the other extents
       const auto address = cursor.Number(8);
       if (!cursor.good()) return false;
       if (level > 0) {
@@ -307,18 +312,18 @@ bool HdfView::ReadTree(std::uint64_t root, std::vector<FrameLocation>& locations
         continue;
       }
       const bool first = std::ranges::all_of(others, [](std::uint8_t byte) { return byte == 0; });
-      if (frame >= locations.size() || locations[frame].size != 0 || !first || left_out != 0 || size == 0 ||
-          At(address, size).empty())
+      if (frame >= frames.count || frame % of_block != 0 || row / rows >= bands || row % rows != 0 || !first)
         return false;
-      locations[frame] = {address, static_cast<std::uint32_t>(size)};
+      auto& location = locations[frame / of_block * bands + row / rows];
+      if (location.size != 0 || left_out != 0 || size == 0 || At(address, size).empty()) return false;
+      location = {address, static_cast<std::uint32_t>(size)};
       ++found;
     }
   }
   return found == locations.size();
 }
 
-std::vector<FrameLocation> HdfView::FrameLocations(const std::string& path, Shape& shape) {
-  shape.assign(4, 0);
+StoredFrames HdfView::Frames(const std::string& path) {
   const Header* const header = Open(path);
   if (header == nullptr) return {};
   const auto extents = ExtentsOf(header->space);
@@ -327,17 +332,26 @@ std::vector<FrameLocation> HdfView::FrameLocations(const std::string& path, Shap
   const auto tree = layout.Number(8);
   Shape chunk(5);
   for (auto& extent : chunk) extent = layout.Number(4);
-  constexpr std::uint64_t kEntrySize = 56;  // of the tree, one a frame: what bounds the memory taken here
-  const bool laid_out = extents && extents->size() == 4 && chunked && layout.good() &&
-                        Is(header->type, TypeOf<std::uint8_t>()) && (*extents)[0] <= bytes_.size() / kEntrySize &&
-                        chunk == Shape{1, (*extents)[1], (*extents)[2], (*extents)[3], 1};
-  std::vector<FrameLocation> locations(laid_out ? static_cast<std::size_t>((*extents)[0]) : 0);
-  if (!laid_out || !ReadTree(tree, locations)) {
-    Complain(fmt::format("pictures {}: not one frame a chunk, or one is not there", path));
-    return {};
+  constexpr std::uint64_t kEntrySize = 56;  // of the tree, one a stream: what bounds the memory taken here
+  constexpr std::uint64_t kMostSide = 1 << 20;
+  StoredFrames frames;
+  bool laid_out = extents && extents->size() == 4 && chunked && layout.good() &&
+                  Is(header->type, TypeOf<std::uint8_t>()) && (*extents)[0] >= 1 && (*extents)[0] <= kMaxSteps &&
+                  (*extents)[3] == 3 && chunk[2] == (*extents)[2] && chunk[3] == 3 && chunk[4] == 1 &&
+                  std::max((*extents)[1], (*extents)[2]) <= kMostSide && chunk[1] >= 1 && chunk[1] <= (*extents)[1] &&
+                  chunk[0] <= (*extents)[0];
+  if (laid_out) {
+    const auto number = [](std::uint64_t extent) { return static_cast<int>(extent); };
+    frames.layout = {number((*extents)[2]), number((*extents)[1]), {number(chunk[0]), number(chunk[1])}};
+    frames.count = (*extents)[0];
+    laid_out =
+        frames.layout.IsGood() && frames.layout.blocks(frames.count) <=
+                                      bytes_.size() / kEntrySize / static_cast<std::size_t>(frames.layout.bands());
   }
-  shape = *extents;
-  return locations;
+  if (laid_out) frames.streams.resize(frames.layout.streams(frames.count));
+  if (laid_out && ReadTree(tree, frames)) return frames;
+  Complain(fmt::format("frames {}: not cut into streams as this program reads them, or one is not there", path));
+  return {};
 }
 
 std::vector<std::string> HdfView::Children(const std::string& group) {

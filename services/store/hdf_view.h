@@ -52,8 +52,8 @@ class HdfView {
     if (!data.empty()) std::memcpy(values.data(), data.data(), data.size());
     return values;
   }
-  /// Where the chunks of a picture array lie; `shape` gets its four extents.
-  std::vector<FrameLocation> FrameLocations(const std::string& path, Shape& shape);
+  /// Where the chunks of an array of frames (count, height, width, 3) lie; none on failure.
+  StoredFrames Frames(const std::string& path);
   /// Names in a group, in alphabetical order.
   std::vector<std::string> Children(const std::string& group);
 
@@ -90,7 +90,7 @@ class HdfView {
   Bytes Numbers(const std::string& object, const char* name, const Type& type, std::size_t count);
   Bytes Values(const std::string& path, const Type& type, std::size_t rank, Shape& shape);
   std::optional<Bytes> HeapObject(std::uint64_t address, std::uint64_t index) const;
-  bool ReadTree(std::uint64_t root, std::vector<FrameLocation>& locations) const;
+  bool ReadTree(std::uint64_t root, StoredFrames& frames) const;
 
   Bytes bytes_;
   std::uint64_t root_ = 0;

@@ -52,7 +52,7 @@ class PlainFile {
     if (!decoded) return Fail(decoded.error().Wrap(context()));
     EpisodeRecord record{path, decoded->episode, decoded->frames};
     // HDF5's library gets bytes of our own making only
-    const auto anew = internal::EncodeEpisodeFile(internal::WithFrames(std::move(*decoded), bytes));
+    const auto anew = internal::EncodeEpisodeFile(internal::WithStreams(std::move(*decoded), bytes));
     if (!anew) return Fail(Error{Code::kCorrupt, anew.error().message}.Wrap(context()));
     constexpr std::uint64_t kMore = 1 << 20;  // that the file's own tables may grow by
     ETUDE_RETURN_IF_ERROR(TakeRoom(path_, anew->size() + kMore));

@@ -82,8 +82,8 @@ OrderedJson FeatureTable(const Episode& episode) {
   });
   add("control/phase", "uint8", OrderedJson::array({"T"}), kControlRate);
   add("control/supervise", "uint8", OrderedJson::array({"T"}), kControlRate);
-  for (const auto& [camera, frames] : episode.cameras)
-    add("obs/" + camera.name + "_image", "uint8", {"N", camera.height, camera.width, 3},
+  for (const auto& track : episode.cameras)
+    add("obs/" + track.camera.name + "_image", "uint8", {"N", track.camera.height, track.camera.width, 3},
         kControlRate / episode.image_stride);
   return table;
 }

@@ -58,7 +58,7 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
   ETUDE_ASSIGN_OR_RETURN(const auto file, internal::DecodeEpisodeFile(bytes));
   const Episode& episode = file.episode;
-  const FrameSpans frames = internal::FramesIn(file, bytes);
+  const StreamSpans streams = internal::StreamsIn(file, bytes);
   if (episode.index != index) return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
   if (episode.spec_sha256 != reader.spec_sha256())
     return Fail(Code::kCorrupt, "made from another spec than the dataset");
@@ -71,9 +71,9 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
     return Fail(Code::kCorrupt,
                 fmt::format("made with other sampling weights than {} has for it", internal::kSampling));
   // of a schema that is converted the seal alone speaks: it covers every byte
-  if (file.schema_version == kSchemaVersion && EpisodeSha256(episode, frames) != file.content_sha256)
+  if (!file.converted() && EpisodeSha256(episode, streams) != file.content_sha256)
     return Fail(Code::kCorrupt, "content and its SHA-256 differ");
-  return internal::CheckFrames(episode, frames);
+  return internal::CheckStreams(episode, streams);
 }
 
 // An older schema's hash is the one its writer computed (the seal says that it is): reading converts the content.
@@ -82,8 +82,8 @@ Result<std::string> ContentHashOf(const DatasetReader& reader, std::uint64_t ind
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
   const auto file = internal::DecodeEpisodeFile(bytes);
   if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
-  if (file->schema_version != kSchemaVersion) return file->content_sha256;
-  return EpisodeSha256(file->episode, internal::FramesIn(*file, bytes));
+  if (file->converted()) return file->content_sha256;
+  return EpisodeSha256(file->episode, internal::StreamsIn(*file, bytes));
 }
 
 // episodes/ may be a link to another disk, across which nothing can be renamed.

@@ -12,6 +12,7 @@
 #include "services/episode/attempt_times.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
+#include "services/episode/frame_cursor.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/object_names.h"
 #include "services/spec/sampling_weights.h"
@@ -33,7 +34,7 @@ void EpisodeCodec(Input bytes) {
   // what a collector takes: the same episode, and its hash is that of the bytes
   if (const auto view = ViewEpisode(bytes)) {
     ETUDE_CHECK(episode.has_value(), "an episode that can be viewed and not decoded");
-    ETUDE_CHECK(EpisodeSha256(view->episode, view->frames) == Sha256Hex(bytes), "the hash of other bytes");
+    ETUDE_CHECK(EpisodeSha256(view->episode, view->streams) == Sha256Hex(bytes), "the hash of other bytes");
   }
   if (!episode) return;
   // what was taken can be sent on
@@ -47,8 +48,13 @@ void EpisodeFile(Input bytes) {
   store::internal::AppendSeal(sealed);
   auto file = store::internal::DecodeEpisodeFile(sealed);
   if (!file) return;
-  const Episode episode = store::internal::WithFrames(std::move(*file), sealed);
-  (void)store::internal::CheckFrames(episode, FramesOf(episode));
+  const Episode episode = store::internal::WithStreams(std::move(*file), sealed);
+  (void)store::internal::CheckStreams(episode, StreamsOf(episode));
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i) {
+    if (episode.cameras[i].layout().block_bytes() > 1 << 20) continue;
+    FrameCursor frames(episode, i);
+    for (std::size_t k = 0; k < frames.size(); ++k) (void)frames.Frame(k);
+  }
 }
 
 void Tensors(Input bytes) {
@@ -151,8 +157,9 @@ SamplingWeights ExampleWeights(const CampaignSpec& spec) {
 std::vector<Target> Make() {
   const CampaignSpec spec = SyntheticSpec();
   const Episode episode = MakeSyntheticEpisode(spec, 3, 6);
-  const auto file = store::internal::EncodeEpisodeFile(episode);
-  ETUDE_CHECK(file.has_value());
+  const Episode whole = Recut(episode, {1, 0}), cut = Recut(episode, {1, 20});
+  const auto file = store::internal::EncodeEpisodeFile(episode), bands = store::internal::EncodeEpisodeFile(cut);
+  ETUDE_CHECK(file.has_value() && bands.has_value());
   auto by_library = store::internal::EncodeByLibrary(episode);
   ETUDE_CHECK(by_library.has_value());
   store::internal::AppendSeal(*by_library);
@@ -160,8 +167,8 @@ std::vector<Target> Make() {
   tensors.metadata["a"] = "b";
   tensors.tensors["x"] = {store::DType::kF32, {2, 2}, Bytes(16, 1)};
   tensors.tensors["y"] = {store::DType::kU8, {3}, Bytes(3, 2)};
-  return {{"episode_codec", EpisodeCodec, {EncodeEpisode(episode)}},
-          {"episode_file", EpisodeFile, {*file, *by_library}},
+  return {{"episode_codec", EpisodeCodec, {EncodeEpisode(episode), EncodeEpisode(whole), EncodeEpisode(cut)}},
+          {"episode_file", EpisodeFile, {*file, *bands, *by_library}},
           {"safetensors", Tensors, {store::EncodeSafetensors(tensors)}},
           {"cdr", Cdr, {CdrChunk()}},
           {"manifest_assembly", ManifestAssembly, {Chunks()}},

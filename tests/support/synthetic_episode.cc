@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
-#include "services/codec/frame.h"
+#include "services/codec/frames.h"
 #include "services/core/check.h"
 #include "services/core/rng.h"
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
+#include "services/episode/frame_cursor.h"
 #include "services/spec/episode_plan.h"
 #include "services/spec/episode_world.h"
 #include "services/store/dataset.h"
@@ -116,6 +118,11 @@ void Describe(Episode& episode, const CampaignSpec& spec, std::uint64_t index) {
   episode.details = {{"planner", "line"}, {"cost", 0.25 * static_cast<double>(index % 4)}};
 }
 
+void Take(codec::DeflatedFrames frames, CameraTrack& track) {
+  if (frames.count > 0) track.chunk = frames.chunk;
+  track.streams = std::move(frames.streams);
+}
+
 }  // namespace
 
 CampaignSpec SyntheticSpec(int width, int height) {
@@ -141,8 +148,9 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
   Rng rng(EpisodeSeed(spec, index, 0));
   Episode episode;
   Describe(episode, spec, index);
-  episode.cameras.push_back({CameraOf(spec, index), {}});
+  episode.cameras.push_back({CameraOf(spec, index), {}, {}});
   const Camera camera = episode.cameras[0].camera;
+  codec::FrameDeflater frames({camera.width, camera.height, codec::ChunkShapeFor(camera.width, camera.height)});
 
   std::vector<Vector3d> places = Places(spec.objects.size(), rng);
   const std::size_t target = rng.Below(spec.objects.size());
@@ -173,8 +181,23 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
       Push(episode.objects[i].pixel, 2, {pixel.x(), pixel.y()});
       discs.push_back({p, kObjectRadius, SyntheticColor(spec.objects[i])});
     }
-    if (t % spec.image_stride == 0)
-      episode.cameras[0].frames.push_back(codec::DeflateFrame(Draw(camera, std::move(discs))));
+    if (t % spec.image_stride == 0) frames.Add(Draw(camera, std::move(discs)));
+  }
+  Take(frames.Finish(), episode.cameras[0]);
+  return episode;
+}
+
+Episode Recut(Episode episode, codec::ChunkShape chunk) {
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i) {
+    CameraTrack& track = episode.cameras[i];
+    codec::FrameDeflater frames({track.camera.width, track.camera.height, chunk});
+    FrameCursor cursor(episode, i);
+    for (std::size_t k = 0; k < cursor.size(); ++k) {
+      const auto frame = cursor.Frame(k);
+      ETUDE_CHECK(frame.has_value());
+      frames.Add(*frame);
+    }
+    Take(frames.Finish(), track);
   }
   return episode;
 }

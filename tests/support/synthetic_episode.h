@@ -24,6 +24,9 @@ CampaignSpec SyntheticSpec(int width = 32, int height = 32);
 /// the hand.
 Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int steps = 50);
 
+/// The same frames in streams of another shape.
+Episode Recut(Episode episode, codec::ChunkShape chunk);
+
 /// RGB of an object's disc.
 std::array<std::uint8_t, 3> SyntheticColor(const std::string& object);
 

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace etude::data {
 namespace {
 constexpr std::size_t kRegionsPerBlock = 64;
@@ -26,31 +28,50 @@ std::uint8_t* FrameCache::Allocate() {
   return blocks_.back().get() + region_.bytes() * used_in_block_++;
 }
 
+// Keeps the regions of a block's frames that are not kept yet, as long as there is room.
+Status FrameCache::Keep(Slots& slots, std::size_t first, std::span<const std::uint8_t> block,
+                        const codec::FrameLayout& layout) {
+  const std::size_t size = layout.frame_bytes();
+  const std::size_t end = std::min(slots.pixels.size(), first + block.size() / size);
+  std::uint8_t* kept = nullptr;
+  for (std::size_t k = first; k < end; ++k) {
+    auto& slot = slots.pixels[k];
+    if (slot.load(std::memory_order_relaxed) != nullptr) continue;
+    if (kept == nullptr) kept = Allocate();
+    if (kept == nullptr) break;
+    ETUDE_RETURN_IF_ERROR(codec::CropPicture(block.subspan((k - first) * size, size), layout.width, layout.height,
+                                             region_, {kept, region_.bytes()}));
+    // two threads may have decoded the same block: the first copy stays, the other's room is for the next frame
+    const std::uint8_t* expected = nullptr;
+    if (slot.compare_exchange_strong(expected, kept, std::memory_order_acq_rel)) kept = nullptr;
+  }
+  return {};
+}
+
 Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint32_t frame, FrameScratch& scratch) {
-  auto& slot = SlotsOf(entry).pixels.at(frame);
+  Slots& slots = SlotsOf(entry);
+  auto& slot = slots.pixels.at(frame);
   if (const auto* pixels = slot.load(std::memory_order_acquire)) {
     ++hits_;
     return pixels;
   }
   ++misses_;
-  const Camera& camera = entry.episode().cameras.at(0).camera;
-  if (!codec::Fits(region_, camera.width, camera.height))
+  const store::StoredFrames& frames = entry.record.frames.at(0);
+  const codec::FrameLayout& layout = frames.layout;
+  if (!codec::Fits(region_, layout.width, layout.height))
     return Fail(Code::kInvalidArgument,
                 fmt::format("image.crop of the policy: {}x{} px at ({}, {}) does not fit pictures of {}x{} px",
-                            region_.width, region_.height, region_.u, region_.v, camera.width, camera.height));
-  scratch.whole.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
-  ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(entry.record.path, entry.record.frames[0].at(frame), scratch.whole));
-
-  std::uint8_t* kept = Allocate();
+                            region_.width, region_.height, region_.u, region_.v, layout.width, layout.height));
+  const auto of_block = static_cast<std::size_t>(layout.chunk.frames);
+  const std::size_t block = frame / of_block;
+  ETUDE_RETURN_IF_ERROR(store::FrameReader::ReadBlock(entry.record.path, frames, block, scratch.block));
+  ETUDE_RETURN_IF_ERROR(Keep(slots, block * of_block, scratch.block, layout));
+  if (const auto* pixels = slot.load(std::memory_order_acquire)) return pixels;
   scratch.region.resize(region_.bytes());
-  std::uint8_t* out = kept ? kept : scratch.region.data();
-  ETUDE_RETURN_IF_ERROR(
-      codec::CropPicture(scratch.whole, camera.width, camera.height, region_, {out, region_.bytes()}));
-  // two threads may have decoded the same frame: the first stays, the other copy is only wasted
-  // room
-  const std::uint8_t* expected = nullptr;
-  if (kept && !slot.compare_exchange_strong(expected, kept, std::memory_order_acq_rel)) return expected;
-  return out;
+  ETUDE_RETURN_IF_ERROR(codec::CropPicture(
+      std::span(scratch.block).subspan(frame % of_block * layout.frame_bytes(), layout.frame_bytes()), layout.width,
+      layout.height, region_, scratch.region));
+  return scratch.region.data();
 }
 
 }  // namespace etude::data

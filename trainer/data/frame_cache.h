@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoded crops in memory. A hit costs nothing; a miss reads the file and inflates the frame once.
+// Decoded crops in memory. A hit costs nothing; a miss reads a block of frames (services/codec/frames.h), inflates it
+// once and keeps the crops of all of them.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
 #include "services/codec/crop.h"
+#include "services/codec/frames.h"
 #include "services/core/thread_annotations.h"
 #include "trainer/data/dataset.h"
 
@@ -18,7 +21,7 @@ using codec::Region;
 
 /// Buffers of one thread.
 struct FrameScratch {
-  std::vector<std::uint8_t> whole, region;
+  std::vector<std::uint8_t> block, region;
 };
 
 /// Keeps what it decoded until `max_bytes` are used, then keeps what it has: with uniform sampling
@@ -45,6 +48,7 @@ class FrameCache {
   };
   Slots& SlotsOf(const EpisodeEntry& entry) ETUDE_EXCLUDES(slots_mutex_);
   std::uint8_t* Allocate() ETUDE_EXCLUDES(blocks_mutex_);
+  Status Keep(Slots& slots, std::size_t first, std::span<const std::uint8_t> block, const codec::FrameLayout& layout);
 
   Region region_;
   std::size_t max_bytes_;

@@ -50,21 +50,24 @@ bool RunLimit::Measure(std::uint64_t step, double elapsed_s, bool whole) {
   if (step - first_step_ < kMeasuredSteps) return false;
   const std::uint64_t steps = StepsLike(first_step_, first_s_, step, elapsed_s);
   Convert(step, Progress(step, elapsed_s), steps);
-  anchor_s_ = elapsed_s;
+  looked_step_ = step;
+  looked_s_ = elapsed_s;
   return true;
 }
 
 // By the steps since the last time. What was done before it is past a change of speed, too.
 bool RunLimit::LookAgain(std::uint64_t step, double elapsed_s) {
   if (asked_minutes_ <= 0 || looks_ >= kLooks.size() || Progress(step, elapsed_s) < kLooks[looks_]) return false;
-  if (step < anchor_step_ + kMeasuredSteps) return false;  // it is due, and waits
+  if (step < looked_step_ + kMeasuredSteps) return false;  // it is due, and waits
   while (looks_ < kLooks.size() && Progress(step, elapsed_s) >= kLooks[looks_]) ++looks_;
-  const std::uint64_t steps = StepsLike(anchor_step_, anchor_s_, step, elapsed_s);
-  const auto now = static_cast<double>(steps_);
-  if (std::abs(static_cast<double>(steps) - now) <= kSameSteps * now) return false;
+  const std::uint64_t steps = StepsLike(looked_step_, looked_s_, step, elapsed_s);
+  looked_step_ = step;
+  looked_s_ = elapsed_s;
+  const double left = static_cast<double>(steps_) - static_cast<double>(step);
+  const double more = static_cast<double>(steps) - static_cast<double>(steps_);
+  if (std::abs(more) <= kSameSteps * left) return false;
   const std::uint64_t before = steps_;
   Convert(step, Progress(step, elapsed_s), steps);
-  anchor_s_ = elapsed_s;
   steps_before_ = before;
   return steps_ != before;
 }
@@ -80,8 +83,9 @@ OrderedJson RunLimit::Save() const {
           {"steps", steps_},
           {"anchor_step", anchor_step_},
           {"anchor_progress", anchor_progress_},
-          {"anchor_s", anchor_s_},
           {"looks", looks_},
+          {"looked_step", looked_step_},
+          {"looked_s", looked_s_},
           {"steps_before", steps_before_}};
 }
 
@@ -95,8 +99,10 @@ Status RunLimit::Restore(const OrderedJson& saved) {
     other.anchor_progress_ = saved.at("anchor_progress");
     // states of before have converted once and for all
     other.asked_steps_ = saved.value("asked_steps", std::uint64_t{0});
-    other.anchor_s_ = saved.value("anchor_s", 0.0);
     other.looks_ = saved.value("looks", kLooks.size());
+    // and those of a while ago were measured from where they had been converted
+    other.looked_step_ = saved.value("looked_step", other.anchor_step_);
+    other.looked_s_ = saved.value("looked_s", saved.value("anchor_s", 0.0));
     other.steps_before_ = saved.value("steps_before", std::uint64_t{0});
   } catch (const nlohmann::json::exception& error) {
     return Fail(Code::kCorrupt, fmt::format("limit of the run: {}", error.what()));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // When a run ends, and how far it is. Steps decide. Minutes are how people ask: they become steps when enough of them
-// have been measured with every module in training, and are looked at again at each quarter of the run, since a
-// machine is not as fast at the end as it was then. Between these the clock has no say: learning rate and curriculum
-// depend on steps alone, and a run of `--steps` can be had again.
+// have been measured with every module in training, and are looked at again at each quarter of the run and shortly
+// before its end, since a machine is not as fast at the end as it was then. Between these the clock has no say:
+// learning rate and curriculum depend on steps alone, and a run of `--steps` can be had again.
 #pragma once
 
 #include <array>
@@ -18,8 +18,8 @@ namespace etude::learn {
 /// validation beside them is most of the time.
 inline constexpr std::uint64_t kMeasuredSteps = 200;
 /// Of the run's progress: where what minutes have become is measured again.
-inline constexpr std::array kLooks{0.25, 0.5, 0.75};
-/// Fewer steps or more than this share of them change nothing.
+inline constexpr std::array kLooks{0.25, 0.5, 0.75, 0.9, 0.97};
+/// Fewer steps or more than this share of those that are left change nothing.
 inline constexpr double kSameSteps = 0.01;
 
 /// Pure: time is told to it. Not thread-safe.
@@ -59,8 +59,9 @@ class RunLimit {
   // progress is a line from here to (steps_, 1)
   std::uint64_t anchor_step_ = 0;
   double anchor_progress_ = 0;
-  double anchor_s_ = 0;
-  std::size_t looks_ = 0;           // at what the minutes are by now
+  std::size_t looks_ = 0;          // at what the minutes are by now
+  std::uint64_t looked_step_ = 0;  // the last of them, or the conversion
+  double looked_s_ = 0;
   std::uint64_t steps_before_ = 0;  // the last look changed them: config.yaml may still say these
   // first of the steps that are measured
   bool measuring_ = false;

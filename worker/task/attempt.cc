@@ -111,7 +111,9 @@ std::string AttemptRunner::Impl::DrawInstruction(const EpisodePlan& plan) const 
 void AttemptRunner::Impl::Finish(EpisodeRunner& runner, const Verdict& verdict, const std::string& instruction,
                                  AttemptResult& result) const {
   const EpisodePlan& plan = runner.plan();
-  Episode& episode = runner.episode();
+  const double deflated = runner.times().deflate;
+  Episode episode = runner.TakeEpisode();
+  result.deflate_s += runner.times().deflate - deflated;
   episode.campaign = spec.name;
   episode.index = plan.index;
   episode.attempt = plan.attempt;

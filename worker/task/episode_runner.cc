@@ -8,8 +8,8 @@
 #include <initializer_list>
 #include <utility>
 
-#include "services/codec/frame.h"
-#include "services/store/dataset.h"
+#include "services/core/check.h"
+#include "services/episode/codec.h"
 #include "worker/plan/timer.h"
 
 namespace etude::task {
@@ -41,7 +41,12 @@ Result<EpisodeRunner> EpisodeRunner::Open(const EpisodeParts& parts, const Episo
 
 EpisodeRunner::EpisodeRunner(const EpisodeParts& parts, const EpisodePlan& plan, const RecordConfig& config,
                              Judge judge)
-    : parts_(parts), plan_(plan), config_(config), judge_(std::move(judge)) {
+    : parts_(parts),
+      plan_(plan),
+      config_(config),
+      judge_(std::move(judge)),
+      frames_({parts.renderer->camera().width, parts.renderer->camera().height,
+               codec::ChunkShapeFor(parts.renderer->camera().width, parts.renderer->camera().height)}) {
   PrepareTracks();
 }
 
@@ -61,7 +66,7 @@ void EpisodeRunner::PrepareTracks() {
   episode_.states.columns = static_cast<int>(world.StateVector().size());
   for (const auto& object : scene.objects()) episode_.objects.push_back({object.name, {.columns = 7}, {.columns = 2}});
   const Camera& camera = parts_.renderer->camera();
-  episode_.cameras.push_back({camera, {}});
+  episode_.cameras.push_back({camera, {}, {}});
   picture_.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
 }
 
@@ -115,7 +120,19 @@ std::span<const std::uint8_t> EpisodeRunner::Picture() {
 void EpisodeRunner::RecordFrame() {
   const auto picture = Picture();
   const plan::Timer watch(times_.deflate);
-  episode_.cameras[0].frames.push_back(codec::DeflateFrame(picture));
+  frames_.Add(picture);
+}
+
+Episode EpisodeRunner::TakeEpisode() {
+  const plan::Timer watch(times_.deflate);
+  auto [count, chunk, streams] = frames_.Finish();
+  if (count > 0) {
+    ETUDE_CHECK(static_cast<std::int64_t>(count) == FrameCount(steps(), episode_.image_stride), "{} of {} steps", count,
+                steps());
+    episode_.cameras[0].chunk = chunk;
+    episode_.cameras[0].streams = std::move(streams);
+  }
+  return std::move(episode_);
 }
 
 void EpisodeRunner::RecordState() {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "services/codec/frames.h"
 #include "services/episode/episode.h"
 #include "services/spec/episode_plan.h"
 #include "worker/sim/renderer.h"
@@ -78,8 +79,10 @@ class EpisodeRunner {
   const SceneGeometry& shapes() const { return *parts_.shapes; }
   const EpisodePlan& plan() const { return plan_; }
   Times& times() { return times_; }
-  /// The record so far; identity and meaning are the caller's to fill in.
+  /// The record so far, without its pictures; identity and meaning are the caller's to fill in.
   Episode& episode() { return episode_; }
+  /// The record, whole. Call once, last.
+  Episode TakeEpisode();
 
  private:
   EpisodeRunner(const EpisodeParts& parts, const EpisodePlan& plan, const RecordConfig& config, Judge judge);
@@ -93,6 +96,7 @@ class EpisodeRunner {
   RecordConfig config_;
   Judge judge_;
   Episode episode_;
+  codec::FrameDeflater frames_;
   Times times_;
   AttemptOutcome failure_ = AttemptOutcome::kSuccess;
   std::string failure_reason_;

@@ -10,7 +10,7 @@
 #include "dashboard/server/api/arrays.h"
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/video_cache.h"
-#include "services/codec/frame.h"
+#include "services/codec/deflate.h"
 #include "services/episode/action.h"
 #include "services/episode/tracks.h"
 #include "services/spec/task_name.h"
@@ -279,23 +279,21 @@ Result<Located> Locate(Context& context, const http::Request& request) {
 
 Result<video::Picture> PictureAt(const store::EpisodeRecord& record, std::size_t camera, std::size_t k) {
   const Camera& of = record.episode.cameras[camera].camera;
-  video::Picture picture{of.width, of.height,
-                         std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
-  ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(record.path, record.frames[camera][k], picture.rgb));
-  return picture;
+  store::FrameReader frames(record.path, record.frames[camera]);
+  ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(k));
+  return video::Picture{of.width, of.height, {rgb.begin(), rgb.end()}};
 }
 
 http::Answer Media(const std::vector<std::uint8_t>& bytes, const char* type) {
   return http::BytesAnswer(std::string(bytes.begin(), bytes.end()), type);
 }
 
-// The stored zlib stream as it lies in the file.
+// As a zlib stream.
 Result<http::Answer> Rgb(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Located located, Locate(context, request));
-  const auto& record = *located.opened.record;
-  const auto& where = record.frames[located.camera][located.k];
-  ETUDE_ASSIGN_OR_RETURN(const std::string stream, ReadSpan(record.path, where.offset, where.size));
-  http::Answer answer = http::BytesAnswer(stream, "application/octet-stream");
+  ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(*located.opened.record, located.camera, located.k));
+  const auto stream = codec::Deflate(picture.rgb);
+  http::Answer answer = http::BytesAnswer(std::string(stream.begin(), stream.end()), "application/octet-stream");
   answer.content_encoding = "deflate";
   return answer;
 }

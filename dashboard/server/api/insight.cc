@@ -55,9 +55,9 @@ Status Fill(Context& context, const OrderedJson& source, Asked& asked) {
   const std::size_t pictures = asked.record->frames.empty() ? 0 : asked.record->frames[0].size();
   if (picture >= pictures) return Fail(Code::kNotFound, fmt::format("episode {} has {} pictures", *index, pictures));
   ETUDE_RETURN_IF_ERROR(GoTo(static_cast<std::int64_t>(picture) * std::max(1, episode.image_stride), asked));
-  const Camera& camera = episode.cameras[0].camera;
-  asked.rgb.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 3);
-  ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(asked.record->path, asked.record->frames[0][picture], asked.rgb));
+  store::FrameReader frames(asked.record->path, asked.record->frames[0]);
+  ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(picture));
+  asked.rgb.assign(rgb.begin(), rgb.end());
   asked.question = policy::QuestionAt(episode, asked.step, asked.rgb);
   return {};
 }

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <vector>
 
 #include "dashboard/server/sources/bounded_folder.h"
@@ -26,10 +25,11 @@ Status Make(const store::EpisodeRecord& record, std::size_t camera, const Path& 
       video::Mp4Writer::Open(file, {.width = of.width * kScale,
                                     .height = of.height * kScale,
                                     .rate = {static_cast<int>(kControlRate), record.episode.image_stride}}));
-  video::Picture picture{of.width, of.height,
-                         std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
-  for (const auto& where : record.frames[camera]) {
-    ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(record.path, where, picture.rgb));
+  video::Picture picture{of.width, of.height, {}};
+  store::FrameReader frames(record.path, record.frames[camera]);
+  for (std::size_t k = 0; k < record.frames[camera].size(); ++k) {
+    ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(k));
+    picture.rgb.assign(rgb.begin(), rgb.end());
     ETUDE_RETURN_IF_ERROR(writer.Write(video::Enlarged(picture, kScale).rgb));
   }
   return writer.Finish();
@@ -52,16 +52,6 @@ Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record,
   ETUDE_RETURN_IF_ERROR(Make(record, camera, file));
   sources::TrimFolder(folder, most_bytes, file, [](const Path& entry) { return entry.extension() == ".mp4"; });
   return file;
-}
-
-Result<std::string> ReadSpan(const Path& file, std::uint64_t offset, std::uint64_t size) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) return Fail(Code::kNotFound, fmt::format("there is no file '{}'", file.filename().string()));
-  std::string bytes(size, '\0');
-  stream.seekg(static_cast<std::streamoff>(offset));
-  if (!stream.read(bytes.data(), static_cast<std::streamsize>(size)))
-    return Fail(Code::kCorrupt, fmt::format("'{}' ends before byte {}", file.filename().string(), offset + size));
-  return bytes;
 }
 
 }  // namespace etude::api

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "services/core/file.h"
 #include "services/store/dataset.h"
@@ -16,8 +15,5 @@ namespace etude::api {
 /// @error kNotFound: no pictures; of the store and of services/video
 Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record, std::size_t camera,
                          std::uint64_t most_bytes = 2ull << 30);
-
-/// Bytes of a file. @error kCorrupt: it ends before; kNotFound
-Result<std::string> ReadSpan(const Path& file, std::uint64_t offset, std::uint64_t size);
 
 }  // namespace etude::api

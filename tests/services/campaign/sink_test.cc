@@ -33,7 +33,7 @@ store::CommitFacts Took(double wall_s) {
 }
 
 Status Commit(EpisodeSink& sink, const Episode& episode, const store::CommitFacts& facts) {
-  const EpisodeView view{episode, FramesOf(episode)};
+  const EpisodeView view{episode, StreamsOf(episode)};
   const store::ArrivedEpisode arrived{&view, Sha256Hex(EncodeEpisode(episode)), facts};
   return sink.CommitGroup({&arrived, 1}).front();
 }

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "services/codec/frame.h"
+#include <algorithm>
+
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
@@ -55,9 +57,10 @@ TEST(AskInsights, AsksWhatThePolicyWasAsked) {
   ASSERT_TRUE(asked[1].camera);
   EXPECT_EQ(asked[1].camera->fovy, rollout.cameras[0].camera.fovy);
   EXPECT_EQ(asked[1].camera->X_WC.p, rollout.cameras[0].camera.X_WC.p);
-  std::vector<std::uint8_t> picture(32 * 32 * 3);
-  ASSERT_THAT(codec::InflateFrame(rollout.cameras[0].frames[4], picture), IsOk());
-  EXPECT_EQ(pictures[1], picture) << "of step 20, the fifth that was recorded";
+  FrameCursor frames(rollout);
+  const auto picture = frames.Frame(4);
+  ASSERT_THAT(picture, IsOk());
+  EXPECT_TRUE(std::ranges::equal(pictures[1], *picture)) << "of step 20, the fifth that was recorded";
   EXPECT_NE(pictures[0], pictures[1]);
 }
 
@@ -115,7 +118,7 @@ TEST(AskInsights, LeavesOutDecisionsThatItCannotRead) {
 
 TEST(AskInsights, ADamagedPictureIsAnError) {
   Episode rollout = Rollout({0});
-  rollout.cameras[0].frames[0] = {1, 2, 3};
+  rollout.cameras[0].streams[0] = {1, 2, 3};
   InsightTally tally;
   const auto ask = [](const policy::Question&) -> Result<policy::Insight> { return InsightOf(7); };
   EXPECT_THAT(AskInsights(rollout, ask, tally), HasCode(Code::kCorrupt));

@@ -42,10 +42,10 @@ Bytes EditHeader(const Bytes& bytes, const std::string& from, const std::string&
 TEST(Codec, TheHashIsThatOfTheBytes) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(16, 16), 3, 12);
   const std::string expected = Sha256Hex(EncodeEpisode(episode));
-  EXPECT_EQ(EpisodeSha256(episode, FramesOf(episode)), expected);
+  EXPECT_EQ(EpisodeSha256(episode, StreamsOf(episode)), expected);
   const Episode whole = episode;
-  for (auto& camera : episode.cameras) camera.frames.clear();
-  EXPECT_EQ(EpisodeSha256(episode, FramesOf(whole)), expected) << "its pictures lie elsewhere";
+  for (auto& camera : episode.cameras) camera.streams.clear();
+  EXPECT_EQ(EpisodeSha256(episode, StreamsOf(whole)), expected) << "its pictures lie elsewhere";
 }
 
 TEST(Codec, GivesTheSameEpisodeBack) {
@@ -70,10 +70,29 @@ TEST(Codec, GivesTheSameEpisodeBack) {
   EXPECT_EQ(decoded->objects[3].name, episode.objects[3].name);
   EXPECT_EQ(decoded->objects[3].pose.values, episode.objects[3].pose.values);
   EXPECT_TRUE(std::isnan(decoded->objects[0].pixel.values[0]));
-  EXPECT_EQ(decoded->cameras[0].frames, episode.cameras[0].frames);
+  EXPECT_EQ(decoded->cameras[0].chunk, episode.cameras[0].chunk);
+  EXPECT_EQ(decoded->cameras[0].streams, episode.cameras[0].streams);
   EXPECT_EQ(decoded->cameras[0].camera.fovy, episode.cameras[0].camera.fovy);
   EXPECT_EQ(decoded->cameras[0].camera.X_WC.q.coeffs(), episode.cameras[0].camera.X_WC.q.coeffs());
   EXPECT_EQ(EncodeEpisode(*decoded), EncodeEpisode(episode));
+}
+
+// Until content version 10 a frame was a stream: what was hashed then has that hash for ever.
+TEST(Codec, EpisodesOfWholeFramesAreWrittenAsTheyWere) {
+  const Episode episode = Recut(MakeSyntheticEpisode(SyntheticSpec(16, 16), 3, 12), {1, 0});
+  const Bytes bytes = EncodeEpisode(episode);
+  const std::string text(bytes.begin() + 12, bytes.begin() + 2000);
+  EXPECT_THAT(text, testing::StartsWith("{\"format\":2,"));
+  EXPECT_THAT(text, testing::HasSubstr("\"frames\":["));
+  EXPECT_THAT(text, testing::Not(testing::HasSubstr("chunk")));
+  const auto view = ViewEpisode(bytes);
+  ASSERT_THAT(view, IsOk());
+  EXPECT_EQ(view->streams.at(0).size(), 3u);
+  EXPECT_EQ(EncodeEpisode(*DecodeEpisode(bytes)), bytes);
+  Episode all_rows = episode;
+  ASSERT_EQ(all_rows.cameras[0].chunk.rows, 16);
+  all_rows.cameras[0].chunk.rows = 0;
+  EXPECT_EQ(EncodeEpisode(all_rows), bytes);
 }
 
 TEST(Codec, ReplacesTextThatIsNotUtf8InsteadOfThrowing) {
@@ -101,10 +120,10 @@ TEST(Codec, AViewIsOfBytesThatThisProgramWritesAndLeavesThePicturesThere) {
   const Bytes bytes = Encoded();
   const auto view = ViewEpisode(bytes);
   ASSERT_THAT(view, IsOk());
-  EXPECT_EQ(EpisodeSha256(view->episode, view->frames), Sha256Hex(bytes));
-  EXPECT_TRUE(view->episode.cameras[0].frames.empty());
-  const auto frame = view->frames.at(0).at(0);
-  EXPECT_TRUE(frame.data() > bytes.data() && frame.data() + frame.size() <= bytes.data() + bytes.size());
+  EXPECT_EQ(EpisodeSha256(view->episode, view->streams), Sha256Hex(bytes));
+  EXPECT_TRUE(view->episode.cameras[0].streams.empty());
+  const auto stream = view->streams.at(0).at(0);
+  EXPECT_TRUE(stream.data() > bytes.data() && stream.data() + stream.size() <= bytes.data() + bytes.size());
   const Bytes spaced = EditHeader(bytes, "\"index\":3", "\"index\": 3");
   EXPECT_THAT(DecodeEpisode(spaced), IsOk()) << "the same episode";
   EXPECT_THAT(ViewEpisode(spaced), MessageHas("not written as this program writes it"));
@@ -113,7 +132,9 @@ TEST(Codec, AViewIsOfBytesThatThisProgramWritesAndLeavesThePicturesThere) {
 TEST(Codec, RefusesHeadersThatDoNotFitTheBlobs) {
   const Bytes bytes = Encoded();
   const std::pair<const char*, const char*> edits[] = {
-      {"\"format\":2", "\"format\":1"},
+      {"\"format\":3", "\"format\":1"},
+      {"\"format\":3", "\"format\":2"},
+      {"\"format\":3", "\"format\":4"},
       {"\"shape\":[12,6]", "\"shape\":[12,7]"},
       {"\"shape\":[12,6]", "\"shape\":[4611686018427387904,24]"},  // 4 * product wraps to 0
       {"\"shape\":[12,6]", "\"shape\":[12]"},
@@ -125,8 +146,15 @@ TEST(Codec, RefusesHeadersThatDoNotFitTheBlobs) {
       {"\"name\":\"joint_vel\"", "\"name\":\"joint_pos\""},
       {"\"width\":16", "\"width\":1000000000"},
       {"\"width\":16", "\"width\":16.5"},
-      {"\"frames\":[", "\"frames\":[18446744073709551615,"},
-      {"\"frames\":[", "\"frames\":[-1,"},
+      {"\"streams\":[", "\"streams\":[18446744073709551615,"},
+      {"\"streams\":[", "\"streams\":[-1,"},
+      {"\"chunk\":[3,16]", "\"chunk\":[0,16]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[3,17]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[2,16]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[4,16]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[2.5,16]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[3,16,1]"},
+      {"\"chunk\":[3,16]", "\"chunk\":[1e300,16]"},
       {"\"image_stride\":5", "\"image_stride\":0"},
       {"\"image_stride\":5", "\"image_stride\":3"},
       {"\"success\":true", "\"success\":1"},

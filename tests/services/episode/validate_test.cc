@@ -43,9 +43,14 @@ const std::vector<Fault>& Faults() {
       {"camera_huge", [](Episode& e) { e.cameras[0].camera.height = 1 << 20; }, "px"},
       {"camera_fovy", [](Episode& e) { e.cameras[0].camera.fovy = NAN; }, "field of view"},
       {"camera_pose", [](Episode& e) { e.cameras[0].camera.X_WC.p.x() = NAN; }, "pose"},
-      {"frame_missing", [](Episode& e) { e.cameras[0].frames.pop_back(); }, "frames"},
-      {"frame_empty", [](Episode& e) { e.cameras[0].frames[1].clear(); }, "frame of 0"},
-      {"frame_huge", [](Episode& e) { e.cameras[0].frames[1].resize(1 << 20); }, "frame of"},
+      {"frame_missing", [](Episode& e) { e.cameras[0].streams.pop_back(); }, "3 streams of frames, not 4"},
+      {"frame_empty", [](Episode& e) { e.cameras[0].streams[1].clear(); }, "stream of 0"},
+      {"frame_huge", [](Episode& e) { e.cameras[0].streams[1].resize(1 << 20); }, "stream of"},
+      {"chunk_of_none", [](Episode& e) { e.cameras[0].chunk.frames = 0; }, "chunks of 0"},
+      {"chunk_of_rows", [](Episode& e) { e.cameras[0].chunk.rows = 33; }, "x 33 rows"},
+      {"chunk_huge", [](Episode& e) { e.cameras[0].chunk.frames = 4000000; }, "chunks of 4000000"},
+      {"chunk_of_more", [](Episode& e) { e.cameras[0].chunk.frames = 5, e.cameras[0].streams.resize(2); },
+       "chunks of 5 frames, there are 4"},
       {"stride", [](Episode& e) { e.image_stride = 0; }, "image_stride"},
       {"nul_text", [](Episode& e) { e.instruction = std::string("a\0b", 3); }, "instruction"},
       {"long_text", [](Episode& e) { e.outcome.assign(5000, 'x'); }, "outcome"},
@@ -57,7 +62,7 @@ const std::vector<Fault>& Faults() {
 TEST(ValidateEpisode, NamesEveryFault) {
   const CampaignSpec spec = SyntheticSpec();
   for (const Fault& fault : Faults()) {
-    Episode episode = MakeSyntheticEpisode(spec, 1, 20);
+    Episode episode = Recut(MakeSyntheticEpisode(spec, 1, 20), {2, 16});
     fault.apply(episode);
 
     const Status status = ValidateEpisode(episode);
@@ -72,7 +77,7 @@ TEST(ValidateEpisode, AllowsWhatMayBeAbsent) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 1, 20);
   episode.states = {};
   episode.objects[0].pixel.values[0] = NAN;  // behind the camera
-  episode.cameras[0].frames.clear();         // a rollout that is not recorded
+  episode.cameras[0].streams.clear();        // a rollout that is not recorded
   episode.phase.assign(20, 0);
   episode.stage_names.clear();
 

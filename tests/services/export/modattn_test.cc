@@ -8,7 +8,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "services/codec/frame.h"
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 #include "services/store/edit.h"
 #include "tests/support/matchers.h"
@@ -133,10 +133,11 @@ TEST_F(Modattn, KeepsWhatWasRecorded) {
   EXPECT_EQ(episode->details["judged"], false);
   ASSERT_NE(episode->FindObject("coke"), nullptr);
   EXPECT_FLOAT_EQ(episode->FindObject("coke")->pose.row(0)[0], 0.2f);
-  std::vector<std::uint8_t> rgb(24 * 32 * 3);
-  ASSERT_THAT(codec::InflateFrame(episode->cameras[0].frames[5], rgb), IsOk());
-  EXPECT_EQ(rgb[0], 35);
-  EXPECT_EQ(rgb[2], 10);
+  FrameCursor frames(*episode);
+  const auto rgb = frames.Frame(5);
+  ASSERT_THAT(rgb, IsOk());
+  EXPECT_EQ((*rgb)[0], 35);
+  EXPECT_EQ((*rgb)[2], 10);
 }
 
 TEST_F(Modattn, SaysWhatIsWrongWithWhichEpisode) {

@@ -3,12 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <fstream>
 #include <thread>
 
-#include "services/codec/frame.h"
 #include "services/core/rng.h"
+#include "services/episode/frame_cursor.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
@@ -51,13 +52,14 @@ TEST(DatasetReader, RecordsLeadToFramesWithoutHdf5) {
   const auto record = DatasetReader::Open(folder.path())->Read(0);
 
   ASSERT_THAT(record, IsOk());
-  EXPECT_TRUE(record->episode.cameras[0].frames.empty());
+  EXPECT_TRUE(record->episode.cameras[0].streams.empty());
   ASSERT_EQ(record->frames[0].size(), 10u);
-  std::vector<std::uint8_t> expected(32 * 32 * 3), pixels(32 * 32 * 3);
+  FrameCursor expected(episode);
+  FrameReader frames(record->path, record->frames[0]);
   for (std::size_t k = 0; k < 10; ++k) {
-    ASSERT_THAT(codec::InflateFrame(episode.cameras[0].frames[k], expected), IsOk());
-    ASSERT_THAT(FrameReader::Read(record->path, record->frames[0][k], pixels), IsOk());
-    EXPECT_EQ(pixels, expected) << k;
+    const auto pixels = frames.Read(k);
+    ASSERT_THAT(pixels, IsOk());
+    EXPECT_TRUE(std::ranges::equal(*pixels, *expected.Frame(k))) << k;
   }
 }
 

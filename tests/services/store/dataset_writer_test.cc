@@ -329,7 +329,7 @@ TEST(DatasetWriter, OfAGroupEachIsCommittedOrRefusedForItself) {
   episodes[2].spec_sha256 = std::string(64, '0');
   std::vector<EpisodeView> views;
   std::vector<ArrivedEpisode> group;
-  for (const Episode& episode : episodes) views.push_back({episode, FramesOf(episode)});
+  for (const Episode& episode : episodes) views.push_back({episode, StreamsOf(episode)});
   for (const EpisodeView& view : views)
     group.push_back({&view, Sha256Hex(EncodeEpisode(view.episode)), {.worker = "w"}});
 

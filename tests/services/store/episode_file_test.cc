@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string_view>
@@ -40,24 +41,25 @@ TEST(EpisodeFile, GivesTheSameEpisodeBack) {
 
     ASSERT_THAT(file, IsOk());
     EXPECT_EQ(file->frames[0].size(), 7u);
-    EXPECT_TRUE(file->episode.cameras[0].frames.empty());
+    EXPECT_TRUE(file->episode.cameras[0].streams.empty());
     EXPECT_EQ(file->content_sha256, ContentHash(episode));
-    EXPECT_EQ(EpisodeSha256(file->episode, FramesIn(*file, bytes)), file->content_sha256) << "where its pictures lie";
-    EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), bytes)), EncodeEpisode(episode));
+    EXPECT_EQ(EpisodeSha256(file->episode, StreamsIn(*file, bytes)), file->content_sha256) << "where its pictures lie";
+    EXPECT_EQ(EncodeEpisode(WithStreams(std::move(*file), bytes)), EncodeEpisode(episode));
   }
 }
 
-TEST(EpisodeFile, FramesLieInItAsTheyCame) {
-  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 0);
+TEST(EpisodeFile, StreamsLieInItAsTheyCame) {
+  const Episode episode = Recut(MakeSyntheticEpisode(SyntheticSpec(), 0), {4, 16});
   const Bytes bytes = FileOf(episode);
   const auto file = DecodeEpisodeFile(bytes);
   ASSERT_THAT(file, IsOk());
 
-  for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
-    const auto [offset, size] = file->frames[0][k];
+  ASSERT_EQ(file->frames[0].streams.size(), 6u);
+  for (std::size_t k = 0; k < 6; ++k) {
+    const auto [offset, size] = file->frames[0].streams[k];
     EXPECT_EQ(Bytes(bytes.begin() + static_cast<std::ptrdiff_t>(offset),
                     bytes.begin() + static_cast<std::ptrdiff_t>(offset + size)),
-              episode.cameras[0].frames[k]);
+              episode.cameras[0].streams[k]);
   }
 }
 
@@ -67,15 +69,18 @@ TEST(EpisodeFile, HoldsEpisodesWithoutPicturesObjectsStatesOrWithMoreCameras) {
   bare.cameras.clear();
   bare.states = {};
   Episode unrecorded = MakeSyntheticEpisode(SyntheticSpec(), 1, 9);
-  unrecorded.cameras[0].frames.clear();
+  unrecorded.cameras[0].streams.clear();
   Episode two = MakeSyntheticEpisode(SyntheticSpec(), 2, 9);
   two.cameras.push_back(two.cameras[0]);
   two.cameras[1].camera.name = "wrist";
-  for (const Episode* episode : {&bare, &unrecorded, &two}) {
+  Episode one_of_two = two;
+  one_of_two.cameras[1].streams.clear();  // its shape is of nothing
+  for (const Episode* episode : {&bare, &unrecorded, &two, &one_of_two}) {
     const Bytes bytes = FileOf(*episode);
     auto file = DecodeEpisodeFile(bytes);
     ASSERT_THAT(file, IsOk());
-    EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), bytes)), EncodeEpisode(*episode));
+    EXPECT_EQ(EpisodeSha256(file->episode, StreamsIn(*file, bytes)), file->content_sha256) << "which verify computes";
+    EXPECT_EQ(EncodeEpisode(WithStreams(std::move(*file), bytes)), EncodeEpisode(*episode));
   }
 }
 
@@ -100,10 +105,10 @@ TEST(EpisodeFile, RefusesEpisodesThatItCouldNotReadBack) {
   Episode nan = MakeSyntheticEpisode(SyntheticSpec(), 0);
   nan.eef_pos.values[4] = NAN;
   EXPECT_THAT(EncodeEpisodeFile(nan), HasCode(Code::kInvalidArgument));
-  Episode garbage = MakeSyntheticEpisode(SyntheticSpec(), 0);
-  garbage.cameras[0].frames[2] = {1, 2, 3};
+  Episode garbage = Recut(MakeSyntheticEpisode(SyntheticSpec(), 0), {2, 0});
+  garbage.cameras[0].streams[2] = {1, 2, 3};
   EXPECT_THAT(EncodeEpisodeFile(garbage), HasCode(Code::kInvalidArgument));
-  EXPECT_THAT(EncodeEpisodeFile(garbage), MessageHas("front frame 2"));
+  EXPECT_THAT(EncodeEpisodeFile(garbage), MessageHas("front stream 2"));
 }
 
 TEST(EpisodeFile, FindsEveryTruncationAndEveryFlippedByte) {
@@ -158,7 +163,7 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseNumbersDoNotFit) {
 
 // What no checksum of HDF5's covers: its own library crashes on these, or never ends.
 TEST(EpisodeFile, RefusesResealedFilesWhoseHeapsOrTreesLeadAstray) {
-  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(16, 16), 0, 6);
+  const Episode episode = Recut(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0, 6), {1, 8});  // two frames of two bands
   const auto library = EncodeByLibrary(episode);
   ASSERT_THAT(library, IsOk());
   Bytes ours = FileOf(episode);
@@ -187,7 +192,12 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseHeapsOrTreesLeadAstray) {
       {"TREE", 6, Bytes{0, 0}},        // none
       {"TREE", 72, Bytes(8, 0xff)},    // its first picture lies nowhere
       {"TREE", 24, Bytes(4, 0)},       // and has no bytes
-      {"TREE", 32, Bytes{1}},          // the second frame twice
+      {"TREE", 32, Bytes{1}},          // the second frame's band twice
+      {"TREE", 32, Bytes{2}},          // a frame that is not there
+      {"TREE", 40, Bytes{8}},          // the second band twice
+      {"TREE", 40, Bytes{4}},          // between two bands
+      {"TREE", 40, Bytes{16}},         // a band that is not there
+      {"TREE", 48, Bytes{1}},          // a column that is not the first
   };
   for (const Bytes& file : {ours, *library}) {
     Bytes whole = file;
@@ -213,15 +223,62 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseHeapsOrTreesLeadAstray) {
   }
 }
 
+// The extents of frames and of their chunks, resealed: checksums of headers are not looked at.
+TEST(EpisodeFile, RefusesResealedFilesWhoseFramesHaveExtentsThatDoNotFit) {
+  Bytes file = FileOf(Recut(MakeSyntheticEpisode(SyntheticSpec(16, 24), 0, 50), {3, 10}));
+  file.resize(file.size() - kSealSize);
+  const auto numbers = [](const auto&... values) {
+    Bytes bytes;
+    const auto add = [&](auto value) {
+      const std::size_t at = bytes.size();
+      bytes.resize(at + sizeof(value));
+      std::memcpy(&bytes[at], &value, sizeof(value));
+    };
+    (add(values), ...);
+    return bytes;
+  };
+  using U64 = std::uint64_t;
+  using U32 = std::uint32_t;
+  const Bytes extents = numbers(U64{10}, U64{24}, U64{16}, U64{3}), chunk = numbers(U32{3}, U32{10}, U32{16}, U32{3});
+  const std::pair<Bytes, Bytes> edits[] = {
+      {extents, numbers(U64{0}, U64{24}, U64{16}, U64{3})},
+      {extents, numbers(U64{9}, U64{24}, U64{16}, U64{3})},
+      {extents, numbers(U64{1} << 63, U64{24}, U64{16}, U64{3})},
+      {extents, numbers(UINT64_MAX, U64{24}, U64{16}, U64{3})},
+      {extents, numbers(UINT64_MAX - 1, U64{24}, U64{16}, U64{3})},
+      {extents, numbers(U64{10}, UINT64_MAX, U64{16}, U64{3})},
+      {extents, numbers(U64{10}, U64{24}, U64{16}, U64{4})},
+      {chunk, numbers(U32{0}, U32{10}, U32{16}, U32{3})},
+      {chunk, numbers(U32{2}, U32{10}, U32{16}, U32{3})},
+      {chunk, numbers(U32{11}, U32{10}, U32{16}, U32{3})},
+      {chunk, numbers(UINT32_MAX, U32{10}, U32{16}, U32{3})},
+      {chunk, numbers(U32{3}, U32{0}, U32{16}, U32{3})},
+      {chunk, numbers(U32{3}, U32{25}, U32{16}, U32{3})},
+      {chunk, numbers(U32{3}, UINT32_MAX, U32{16}, U32{3})},
+      {chunk, numbers(U32{3}, U32{10}, U32{8}, U32{3})},
+      {chunk, numbers(U32{3}, U32{10}, U32{16}, U32{1})},
+  };
+  for (const auto& [from, to] : edits) {
+    Bytes edited = file;
+    const auto at = std::search(edited.begin(), edited.end(), from.begin(), from.end());
+    ASSERT_NE(at, edited.end());
+    std::copy(to.begin(), to.end(), at);
+    AppendSeal(edited);
+    EXPECT_THAT(DecodeEpisodeFile(edited), HasCode(Code::kCorrupt)) << testing::PrintToString(to);
+  }
+  AppendSeal(file);
+  EXPECT_THAT(DecodeEpisodeFile(file), IsOk());
+}
+
 TEST(EpisodeFile, ReadsWhatTheLibraryMade) {
   for (const int steps : {2, 50, 333}) {
-    const Episode episode = MakeSyntheticEpisode(SyntheticSpec(40, 24), 3, steps);
+    const Episode episode = Recut(MakeSyntheticEpisode(SyntheticSpec(40, 24), 3, steps), {1 + steps / 16, 7});
     auto bytes = EncodeByLibrary(episode);
     ASSERT_THAT(bytes, IsOk());
     AppendSeal(*bytes);
     auto file = DecodeEpisodeFile(*bytes);
     ASSERT_THAT(file, IsOk());
-    EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), *bytes)), EncodeEpisode(episode));
+    EXPECT_EQ(EncodeEpisode(WithStreams(std::move(*file), *bytes)), EncodeEpisode(episode));
   }
 }
 

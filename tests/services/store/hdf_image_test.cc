@@ -8,6 +8,8 @@
 #include <hdf5.h>
 
 #include <map>
+#include <span>
+#include <utility>
 
 #include "services/store/episode_file.h"
 #include "services/store/hdf.h"
@@ -65,9 +67,11 @@ std::string ChunksText(hid_t array, hid_t creation) {
   EXPECT_GE(H5Dget_num_chunks(array, space.get(), &count), 0);
   text += " " + std::to_string(count) + " ";
   for (hsize_t k = 0; k < count; ++k) {
-    const hsize_t at[4] = {k, 0, 0, 0};
-    hsize_t size = 0;
-    EXPECT_GE(H5Dget_chunk_storage_size(array, at, &size), 0) << k;
+    hsize_t at[4] = {}, size = 0;
+    haddr_t address = 0;
+    unsigned filters_left_out = 0;
+    EXPECT_GE(H5Dget_chunk_info(array, space.get(), k, at, &filters_left_out, &address, &size), 0) << k;
+    text += Dump(at, sizeof(at));
     std::string stream(size, 'x');
     std::uint32_t mask = 0;
     EXPECT_GE(H5Dread_chunk(array, H5P_DEFAULT, at, &mask, stream.data()), 0) << k;
@@ -118,7 +122,7 @@ Contents ContentsOf(const Bytes& bytes) {
 
 Bytes Whole(const HdfImageBytes& image) {
   Bytes bytes = image.head;
-  for (const auto frame : image.frames) bytes.insert(bytes.end(), frame.begin(), frame.end());
+  for (const auto stream : image.streams) bytes.insert(bytes.end(), stream.begin(), stream.end());
   return bytes;
 }
 
@@ -149,19 +153,31 @@ TEST(HdfImage, IsForTheLibraryWhatItMakesItself) {
   Episode two = MakeSyntheticEpisode(SyntheticSpec(), 2, 9);
   two.cameras.push_back(two.cameras[0]);
   two.cameras[1].camera.name = "wrist";
-  two.cameras[1].frames.clear();
+  two.cameras[1].streams.clear();
   ExpectAsTheLibraryMakesIt(two);
 }
 
-// A node of the index holds 64 frames: one leaf, a full one, two leaves, and three levels.
-TEST(HdfImage, IndexesAnyNumberOfPictures) {
+// Blocks and bands that fit, that the last frames or rows do not fill, and of one frame or one row.
+TEST(HdfImage, CutsFramesInAnyShape) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(20, 11), 7, 50);
+  for (const codec::ChunkShape chunk :
+       {codec::ChunkShape{1, 0}, {10, 11}, {5, 11}, {3, 4}, {4, 1}, {1, 10}, {7, 6}, {1, 1}}) {
+    SCOPED_TRACE(fmt::format("{} frames x {} rows", chunk.frames, chunk.rows));
+    ExpectAsTheLibraryMakesIt(Recut(episode, chunk));
+  }
+}
+
+// A node of the index holds 64 streams: one leaf, a full one, two leaves, and three levels.
+TEST(HdfImage, IndexesAnyNumberOfStreams) {
   for (const int frames : {63, 64, 65, 128, 4096, 4097, 4300}) {
     SCOPED_TRACE(frames);
     Episode episode = MakeSyntheticEpisode(SyntheticSpec(16, 16), 1, 2);
     CampaignSpec spec = SyntheticSpec(16, 16);
     spec.image_stride = 1;
     episode = MakeSyntheticEpisode(spec, 1, frames);
-    ASSERT_EQ(episode.cameras[0].frames.size(), static_cast<std::size_t>(frames));
+    ExpectAsTheLibraryMakesIt(Recut(episode, {2, 4}));  // twice as many streams
+    episode = Recut(std::move(episode), {1, 0});
+    ASSERT_EQ(episode.cameras[0].streams.size(), static_cast<std::size_t>(frames));
     ExpectAsTheLibraryMakesIt(episode);
   }
 }
@@ -206,7 +222,18 @@ TEST(HdfImage, SaysWhatDoesNotFit) {
                 image.Array("/x", std::vector<float>{1}, {1});
               }),
               HasSubstr("/x"));
-  EXPECT_THAT(failing([](HdfImage& image) { image.Frames("/x", 2, 2, {{}}); }), HasSubstr("/x"));
+  const Bytes bytes(8, 1);
+  const std::span<const std::uint8_t> stream = bytes;
+  EXPECT_THAT(failing([](HdfImage& image) { image.Frames("/x", {2, 2, {}}, 1, {{}}); }), HasSubstr("of 0 bytes"));
+  for (const auto& [layout, count] : {std::pair<codec::FrameLayout, std::size_t>{{2, 2, {}}, 2},
+                                      {{2, 2, {}}, 0},
+                                      {{2, 2, {1, 3}}, 1},
+                                      {{0, 2, {}}, 1},
+                                      {{2, 2, {2, 2}}, 1}})
+    EXPECT_THAT(
+        failing([&, layout = layout, count = count](HdfImage& image) { image.Frames("/x", layout, count, {stream}); }),
+        HasSubstr("1 streams for"))
+        << count;
   EXPECT_THAT(failing([](HdfImage& image) { image.Group("/" + std::string(256, 'n')); }), HasSubstr("255"));
 }
 

@@ -59,7 +59,7 @@ TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {
     ASSERT_THAT(WriteFileAtomically(path, std::string_view(text)), IsOk());
     EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kCorrupt)) << text;
   }
-  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":3,"spec":{}})")), IsOk());
+  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":4,"spec":{}})")), IsOk());
   EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kInvalidArgument));
 }
 

@@ -88,7 +88,7 @@ TEST_F(Merge, OfDifferentSpecsNumbersAnewAndSaysWhereFrom) {
   EXPECT_EQ(last->details["merged_from"]["campaign"], "second");
   EXPECT_EQ(last->details["merged_from"]["index"], 4);
   EXPECT_EQ(last->details["merged_from"]["spec_sha256"], SpecHash(other));
-  EXPECT_EQ(last->cameras[0].frames, MakeSyntheticEpisode(other, 4, 10).cameras[0].frames);
+  EXPECT_EQ(last->cameras[0].streams, MakeSyntheticEpisode(other, 4, 10).cameras[0].streams);
   ExpectSound(3);
 }
 

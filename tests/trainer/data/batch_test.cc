@@ -95,13 +95,14 @@ TEST_F(BatchTest, CopiesTheCropOfTheRecordedPicture) {
 
   for (int b = 0; b < batch.size; ++b) {
     const auto& entry = *snapshot->episodes()[batch.frames[b].episode];
-    std::vector<std::uint8_t> whole(64 * 48 * 3);
-    ASSERT_TRUE(store::FrameReader::Read(entry.record.path, entry.record.frames[0][batch.frames[b].frame], whole));
+    store::FrameReader frames(entry.record.path, entry.record.frames[0]);
+    const auto whole = frames.Read(batch.frames[b].frame);
+    ASSERT_TRUE(whole);
     for (int y = 0; y < crop_.height; ++y)
       for (int x = 0; x < crop_.width; ++x)
         for (int c = 0; c < 3; ++c)
           ASSERT_EQ(batch.images[static_cast<std::size_t>(((b * crop_.height + y) * crop_.width + x) * 3 + c)],
-                    whole[static_cast<std::size_t>(((crop_.v + y) * 64 + crop_.u + x) * 3 + c)]);
+                    (*whole)[static_cast<std::size_t>(((crop_.v + y) * 64 + crop_.u + x) * 3 + c)]);
     EXPECT_EQ(batch.crop_origin[2 * b], 10);
     EXPECT_EQ(batch.crop_origin[2 * b + 1], 6);
   }

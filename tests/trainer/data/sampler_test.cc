@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <set>
 
+#include "services/episode/codec.h"
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::data {
@@ -28,7 +29,7 @@ Snapshot Unbalanced(std::size_t moving = 30) {
     entry->record.episode.stage_names = {"approach", "hold"};
     for (std::size_t t = 0; t < phase.size(); ++t) phase[t] = t >= moving;
     entry->record.frames.resize(1);
-    entry->record.frames[0].resize(entry->record.episode.cameras[0].frames.size());
+    entry->record.frames[0].count = RecordedFrames(entry->record.episode, 0);
     entry->usable = UsableFrames(*entry);
     episodes.push_back(std::move(entry));
   }
@@ -125,7 +126,7 @@ TEST(Snapshot, LeavesOutFramesThatShowNoTarget) {
   auto entry = std::make_shared<EpisodeEntry>();
   entry->record.episode = MakeSyntheticEpisode(SyntheticSpec(), 0, 50);
   entry->record.frames.resize(1);
-  entry->record.frames[0].resize(10);
+  entry->record.frames[0].count = 10;
   Episode& episode = entry->record.episode;
   for (auto& object : episode.objects)
     if (object.name == episode.target) object.pixel.values[2 * 5] = -3;  // frame 1 is control step 5

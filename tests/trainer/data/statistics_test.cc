@@ -17,7 +17,7 @@ std::shared_ptr<EpisodeEntry> Entry(std::uint64_t index, Split split) {
   entry->split = split;
   entry->record.episode = MakeSyntheticEpisode(SyntheticSpec(), index, 50);
   entry->record.frames.resize(1);
-  entry->record.frames[0].resize(10);
+  entry->record.frames[0].count = 10;
   entry->usable = UsableFrames(*entry);
   return entry;
 }

@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 
 #include "services/episode/codec.h"
+#include "services/episode/frame_cursor.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/sketch_robot.h"
@@ -93,7 +95,11 @@ TEST_P(Demonstrate, RecordsEveryTrackAtTheControlRate) {
   EXPECT_EQ(static_cast<int>(episode.phase.size()), T);
   EXPECT_EQ(static_cast<int>(episode.supervise.size()), T);
   ASSERT_EQ(episode.cameras.size(), 1u);
-  EXPECT_EQ(static_cast<int>(episode.cameras[0].frames.size()), (T + spec.image_stride - 1) / spec.image_stride);
+  FrameCursor frames(episode);
+  ASSERT_EQ(static_cast<int>(frames.size()), (T + spec.image_stride - 1) / spec.image_stride);
+  const auto last = frames.Frame(frames.size() - 1);
+  ASSERT_TRUE(last);
+  EXPECT_TRUE(std::ranges::any_of(*last, [](std::uint8_t byte) { return byte != 0; })) << "no frame is missing";
   EXPECT_EQ(episode.objects.size(), spec.objects.size());
   EXPECT_NE(episode.FindObject(episode.target), nullptr);
   EXPECT_TRUE(episode.success);

@@ -118,7 +118,7 @@ TEST(RandomWorld, WithoutDistractorsTheEpisodeIsTheSameButForItsLooks) {
     EXPECT_EQ(before.episode.states.values, after.episode.states.values);
     EXPECT_EQ(before.episode.actions_abs.values, after.episode.actions_abs.values);
     EXPECT_EQ(before.episode.instruction, after.episode.instruction);
-    EXPECT_NE(before.episode.cameras[0].frames, after.episode.cameras[0].frames);
+    EXPECT_NE(before.episode.cameras[0].streams, after.episode.cameras[0].streams);
     EXPECT_FALSE(before.episode.details.contains("world"));
   }
 }

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "services/codec/frame.h"
 #include "services/episode/codec.h"
+#include "services/episode/frame_cursor.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/worker/task/playback.h"
@@ -126,7 +126,7 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   EXPECT_FALSE(rollout->episode.success);
   EXPECT_EQ(rollout->episode.steps(), 120);
   EXPECT_EQ(asked, 8) << "one question every 15 steps";
-  EXPECT_TRUE(rollout->episode.cameras[0].frames.empty());
+  EXPECT_TRUE(rollout->episode.cameras[0].streams.empty());
 }
 
 // A policy without memory that rises a little before it comes down, in each answer: asked again on the way up, it comes
@@ -275,10 +275,12 @@ TEST(Rollout, WhatIsOccludedIsWhatThePolicySeesAndWhatIsRecorded) {
   EXPECT_NEAR(occluded.episode.details["occlusion"]["covered"].get<double>(), 0.42, 0.03);
   EXPECT_EQ(occluded.episode.states.values, plain.episode.states.values) << "the world is the same";
   ASSERT_EQ(occluded.asked.size(), 4u);
-  ASSERT_EQ(occluded.episode.cameras[0].frames.size(), 4u);
-  std::vector<std::uint8_t> frame(occluded.asked[0].size());
+  FrameCursor frames(occluded.episode);
+  ASSERT_EQ(frames.size(), 4u);
   for (std::size_t k = 0; k < 4; ++k) {
-    ASSERT_TRUE(codec::InflateFrame(occluded.episode.cameras[0].frames[k], frame));
+    const auto recorded = frames.Frame(k);
+    ASSERT_THAT(recorded, IsOk());
+    const std::vector<std::uint8_t> frame(recorded->begin(), recorded->end());
     EXPECT_EQ(frame, occluded.asked[k]);
     EXPECT_NE(occluded.asked[k], plain.asked[k]);
     std::size_t changed = 0;

@@ -140,7 +140,7 @@ TEST(ReplayAttempt, ShowsAFailureUpToItsEnd) {
     ASSERT_THAT(episode, IsOk());
     EXPECT_FALSE(episode->success);
     EXPECT_EQ(episode->outcome, plan["outcome"]);
-    EXPECT_FALSE(episode->cameras[0].frames.empty());
+    EXPECT_FALSE(episode->cameras[0].streams.empty());
     return;
   }
   FAIL() << "no attempt failed after it had moved";

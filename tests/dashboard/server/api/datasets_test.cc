@@ -8,7 +8,6 @@
 #include <set>
 
 #include "dashboard/server/api/episode_filter.h"
-#include "services/codec/frame.h"
 #include "services/episode/tracks.h"
 #include "services/store/edit.h"
 #include "tests/dashboard/server/api/api_fixture.h"

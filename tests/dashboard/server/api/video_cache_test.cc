@@ -100,25 +100,15 @@ TEST_F(VideoCache, OtherFilesInItsFolderAreNotItsToRemove) {
 TEST_F(VideoCache, WithoutPicturesThereIsNone) {
   store::EpisodeRecord record = Record(0);
   EXPECT_THAT(CachedVideo(cache_, record, 1), HasCode(Code::kNotFound));
-  record.frames[0].clear();
+  record.frames[0] = {};
   EXPECT_THAT(CachedVideo(cache_, record, 0), MessageHas("no pictures"));
 }
 
 TEST_F(VideoCache, ADamagedEpisodeLeavesNothingBehind) {
   const store::EpisodeRecord record = Record(0);
-  std::filesystem::resize_file(record.path, record.frames[0].back().offset);
+  std::filesystem::resize_file(record.path, record.frames[0].streams.back().offset);
   EXPECT_FALSE(CachedVideo(cache_, record, 0)) << "its last picture is gone";
   EXPECT_EQ(Files(), 0u);
-}
-
-TEST_F(VideoCache, BytesOfAFileAreAllOrNone) {
-  ASSERT_THAT(WriteFileAtomically(folder_ / "bytes", std::string_view("0123456789")), IsOk());
-  EXPECT_EQ(ReadSpan(folder_ / "bytes", 3, 4).value(), "3456");
-  EXPECT_EQ(ReadSpan(folder_ / "bytes", 0, 10).value(), "0123456789");
-  EXPECT_EQ(ReadSpan(folder_ / "bytes", 10, 0).value(), "");
-  EXPECT_THAT(ReadSpan(folder_ / "bytes", 7, 4), HasCode(Code::kCorrupt));
-  EXPECT_THAT(ReadSpan(folder_ / "bytes", 7, 4), MessageHas("before byte 11"));
-  EXPECT_THAT(ReadSpan(folder_ / "none", 0, 1), HasCode(Code::kNotFound));
 }
 
 }  // namespace video_cache_test
