@@ -8,7 +8,7 @@
 
 etude::Status WritePicture(const etude::store::EpisodeRecord& record, const etude::Path& path) {
   const auto& camera = record.episode.cameras.at(0).camera;
-  // a few frames lie together and are read and inflated at once: those of the same block would be there then
+  // a block of frames is read and inflated at once: its other frames would cost nothing more
   etude::store::FrameReader frames(record.path, record.frames.at(0));
   ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(record.frames[0].size() - 1));
   std::string file = fmt::format("P6 {} {} 255\n", camera.width, camera.height);

@@ -70,9 +70,9 @@ Finding CheckDisk() {
   if (error || ::statvfs(here.c_str(), &info) != 0)
     return Advice("cannot look at the disk of this folder: was it removed? " + here.string());
   const double free_gb = static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize) / 1e9;
-  // an episode is about 2 MB
+  // an episode is about 1 MB
   if (free_gb >= 5) return Ok(fmt::format("{:.0f} GB free in {}", free_gb, here.string()));
-  return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 2 GB", free_gb, here.string()));
+  return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 1 GB", free_gb, here.string()));
 }
 
 Status Doctor(const DoctorArguments& arguments) {

@@ -15,6 +15,7 @@ constexpr std::size_t kChunkCache = 1 << 20;  // bytes that HDF5's library keeps
 constexpr std::size_t kMostBand = 24 << 10;   // bytes of a frame: with room for matches that moved
 constexpr std::size_t kMostBlock = 64 << 20;  // bytes of its streams, inflated
 constexpr int kMostFrames = 64;
+constexpr int kMostSide = 1 << 20;  // px: products of two do not overflow
 
 // Calls copy(offset in the block, offset in the frames, bytes) for each band of each of the first `frames` frames.
 template <class Copy>
@@ -38,15 +39,17 @@ ChunkShape ChunkShapeFor(int width, int height) {
   const int bands = (height + most_rows - 1) / most_rows;
   FrameLayout layout{width, height, {1, (height + bands - 1) / bands}};
   const std::size_t padded = layout.band_bytes() * static_cast<std::size_t>(layout.bands());  // of a frame
-  layout.chunk.frames = static_cast<int>(
-      std::min(std::clamp<std::size_t>(kChunkCache / padded, 4, 16), std::max<std::size_t>(1, kMostBlock / padded)));
+  const std::size_t frames = std::clamp<std::size_t>(kChunkCache / padded, 4, 16);
+  if (frames > kMostBlock / padded) return {};  // frame by frame
+  layout.chunk.frames = static_cast<int>(frames);
   return layout.chunk;
 }
 
 bool FrameLayout::IsGood() const {
-  if (width < 1 || height < 1 || chunk.frames < 1 || chunk.frames > kMostFrames || rows() < 1 || rows() > height)
-    return false;
-  return chunk.frames == 1 || stream_bytes() <= kMostBlock / static_cast<std::size_t>(bands());
+  if (width < 1 || height < 1 || width > kMostSide || height > kMostSide) return false;
+  if (chunk.frames < 1 || chunk.frames > kMostFrames || rows() < 1 || rows() > height) return false;
+  return chunk.frames == 1 ||
+         band_bytes() <= kMostBlock / static_cast<std::size_t>(chunk.frames) / static_cast<std::size_t>(bands());
 }
 
 FrameDeflater::FrameDeflater(const FrameLayout& layout) : layout_(layout) {

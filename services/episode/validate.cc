@@ -123,15 +123,16 @@ std::size_t RecordedFrames(const Episode& episode, std::size_t camera) {
 
 Status ValidateStreams(const Episode& episode, std::size_t camera,
                        std::span<const std::span<const std::uint8_t>> streams) {
+  if (streams.empty()) return {};
   const CameraTrack& track = episode.cameras[camera];
   const codec::FrameLayout layout = track.layout();
   const std::string where = "camera " + track.camera.name;
   if (!layout.IsGood())
     return Bad(fmt::format("{}: chunks of {} frames x {} rows", where, layout.chunk.frames, layout.rows()));
   const auto frames = static_cast<std::size_t>(FrameCount(episode.steps(), episode.image_stride));
-  if (!streams.empty() && streams.size() != layout.streams(frames))
+  if (streams.size() != layout.streams(frames))
     return Bad(fmt::format("{}: {} streams of frames, not {}", where, streams.size(), layout.streams(frames)));
-  if (!streams.empty() && static_cast<std::size_t>(layout.chunk.frames) > frames)
+  if (static_cast<std::size_t>(layout.chunk.frames) > frames)
     return Bad(fmt::format("{}: chunks of {} frames, there are {}", where, layout.chunk.frames, frames));
   if (streams.size() > kMaxStreams)
     return Bad(fmt::format("{}: {} streams of frames, more than {}", where, streams.size(), kMaxStreams));

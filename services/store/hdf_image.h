@@ -51,7 +51,7 @@ class HdfImage {
   void Array(const std::string& path, const std::vector<T>& values, const Shape& shape) {
     AddArray(path, TypeOf<T>(), shape, BytesOf(values.data(), values.size()));
   }
-  /// (count, height, width, 3) uint8, a stream each chunk; the streams must outlive what Finish gives.
+  /// (count, height, width, 3) uint8, each chunk a stream; the streams must outlive what Finish gives.
   void Frames(const std::string& path, const codec::FrameLayout& layout, std::size_t count,
               const std::vector<std::span<const std::uint8_t>>& streams);
 

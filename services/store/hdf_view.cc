@@ -8,6 +8,8 @@
 #include <bit>
 #include <string_view>
 
+#include "services/codec/deflate.h"
+
 namespace etude::store::internal {
 namespace {
 
@@ -315,7 +317,9 @@ bool HdfView::ReadTree(std::uint64_t root, StoredFrames& frames) const {
       if (frame >= frames.count || frame % of_block != 0 || row / rows >= bands || row % rows != 0 || !first)
         return false;
       auto& location = locations[frame / of_block * bands + row / rows];
-      if (location.size != 0 || left_out != 0 || size == 0 || At(address, size).empty()) return false;
+      if (location.size != 0 || left_out != 0 || size == 0 || size > codec::StreamBound(layout.stream_bytes()) ||
+          At(address, size).empty())
+        return false;
       location = {address, static_cast<std::uint32_t>(size)};
       ++found;
     }

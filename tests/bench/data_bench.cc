@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How long a training step waits for data: preset compact on a dataset on disk, with the cache of
-// decoded crops (as shipped) and without it (every picture is read and inflated every time).
+// decoded crops (as shipped) and without it (every picture is read and inflated every time, with its block).
 //   data_bench [steps]
 #include <fmt/format.h>
 

@@ -25,7 +25,7 @@ struct FrameScratch {
 };
 
 /// Keeps what it decoded until `max_bytes` are used, then keeps what it has: with uniform sampling
-/// no replacement strategy has more hits. Thread-safe.
+/// no replacement strategy has more hits (those that nobody draws are kept with their block). Thread-safe.
 class FrameCache {
  public:
   /// `region` of every picture of the first camera.

@@ -57,7 +57,8 @@ bool RunLimit::Measure(std::uint64_t step, double elapsed_s, bool whole) {
 
 // By the steps since the last time. What was done before it is past a change of speed, too.
 bool RunLimit::LookAgain(std::uint64_t step, double elapsed_s) {
-  if (asked_minutes_ <= 0 || looks_ >= kLooks.size() || Progress(step, elapsed_s) < kLooks[looks_]) return false;
+  if (asked_minutes_ <= 0 || looks_ >= kLooks.size() || step >= steps_) return false;
+  if (Progress(step, elapsed_s) < kLooks[looks_]) return false;
   if (step < looked_step_ + kMeasuredSteps) return false;  // it is due, and waits
   while (looks_ < kLooks.size() && Progress(step, elapsed_s) >= kLooks[looks_]) ++looks_;
   const std::uint64_t steps = StepsLike(looked_step_, looked_s_, step, elapsed_s);
@@ -100,7 +101,8 @@ Status RunLimit::Restore(const OrderedJson& saved) {
     // states of before have converted once and for all
     other.asked_steps_ = saved.value("asked_steps", std::uint64_t{0});
     other.looks_ = saved.value("looks", kLooks.size());
-    // and those of a while ago were measured from where they had been converted
+    // those of a while ago looked three times, and measured from where they had been converted
+    if (!saved.contains("looked_step") && other.looks_ >= 3) other.looks_ = kLooks.size();
     other.looked_step_ = saved.value("looked_step", other.anchor_step_);
     other.looked_s_ = saved.value("looked_s", saved.value("anchor_s", 0.0));
     other.steps_before_ = saved.value("steps_before", std::uint64_t{0});

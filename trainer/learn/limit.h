@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // When a run ends, and how far it is. Steps decide. Minutes are how people ask: they become steps when enough of them
 // have been measured with every module in training, and are looked at again at each quarter of the run and shortly
-// before its end, since a machine is not as fast at the end as it was then. Between these the clock has no say:
-// learning rate and curriculum depend on steps alone, and a run of `--steps` can be had again.
+// before its end, where kMeasuredSteps lie between, since a machine is not as fast at the end as it was then. Between
+// these the clock has no say: learning rate and curriculum depend on steps alone, and a run of `--steps` can be had
+// again.
 #pragma once
 
 #include <array>
@@ -19,7 +20,7 @@ namespace etude::learn {
 inline constexpr std::uint64_t kMeasuredSteps = 200;
 /// Of the run's progress: where what minutes have become is measured again.
 inline constexpr std::array kLooks{0.25, 0.5, 0.75, 0.9, 0.97};
-/// Fewer steps or more than this share of those that are left change nothing.
+/// A difference of at most this share of the steps that are left changes nothing.
 inline constexpr double kSameSteps = 0.01;
 
 /// Pure: time is told to it. Not thread-safe.

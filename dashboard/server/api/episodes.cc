@@ -277,21 +277,25 @@ Result<Located> Locate(Context& context, const http::Request& request) {
               fmt::format("episode {} has {} pictures, not {}", record.episode.index, frames, located.k + 1));
 }
 
-Result<video::Picture> PictureAt(const store::EpisodeRecord& record, std::size_t camera, std::size_t k) {
-  const Camera& of = record.episode.cameras[camera].camera;
-  store::FrameReader frames(record.path, record.frames[camera]);
+Result<video::Picture> PictureOf(store::FrameReader& frames, const Camera& camera, std::size_t k) {
   ETUDE_ASSIGN_OR_RETURN(const auto rgb, frames.Read(k));
-  return video::Picture{of.width, of.height, {rgb.begin(), rgb.end()}};
+  return video::Picture{camera.width, camera.height, {rgb.begin(), rgb.end()}};
+}
+
+Result<video::Picture> PictureAt(const Located& located) {
+  const store::EpisodeRecord& record = *located.opened.record;
+  store::FrameReader frames(record.path, record.frames[located.camera]);
+  return PictureOf(frames, record.episode.cameras[located.camera].camera, located.k);
 }
 
 http::Answer Media(const std::vector<std::uint8_t>& bytes, const char* type) {
   return http::BytesAnswer(std::string(bytes.begin(), bytes.end()), type);
 }
 
-// As a zlib stream.
+// Deflated anew: its streams in the file are shared with other frames.
 Result<http::Answer> Rgb(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Located located, Locate(context, request));
-  ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(*located.opened.record, located.camera, located.k));
+  ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(located));
   const auto stream = codec::Deflate(picture.rgb);
   http::Answer answer = http::BytesAnswer(std::string(stream.begin(), stream.end()), "application/octet-stream");
   answer.content_encoding = "deflate";
@@ -300,14 +304,14 @@ Result<http::Answer> Rgb(Context& context, const http::Request& request) {
 
 Result<http::Answer> Png(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Located located, Locate(context, request));
-  ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(*located.opened.record, located.camera, located.k));
+  ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(located));
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, video::EncodePng(picture));
   return Media(bytes, "image/png");
 }
 
 Result<http::Answer> Webp(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Located located, Locate(context, request));
-  ETUDE_ASSIGN_OR_RETURN(auto picture, PictureAt(*located.opened.record, located.camera, located.k));
+  ETUDE_ASSIGN_OR_RETURN(auto picture, PictureAt(located));
   ETUDE_ASSIGN_OR_RETURN(const auto width, request.query.Integer("w", picture.width, 16, 1024));
   if (width != picture.width) picture = video::Resized(picture, static_cast<int>(width));
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, video::EncodeWebp(picture));
@@ -323,9 +327,10 @@ Result<http::Answer> Strip(Context& context, const http::Request& request) {
     return Fail(Code::kNotFound, fmt::format("episode {} has no pictures", record.episode.index));
   const std::size_t frames = record.frames[0].size(), stills = std::min(kStills, frames);
   std::vector<video::Picture> pictures;
+  store::FrameReader reader(record.path, record.frames[0]);
   for (std::size_t i = 0; i < stills; ++i) {
     const std::size_t k = stills == 1 ? 0 : i * (frames - 1) / (stills - 1);
-    ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureAt(record, 0, k));
+    ETUDE_ASSIGN_OR_RETURN(const auto picture, PictureOf(reader, record.episode.cameras[0].camera, k));
     pictures.push_back(video::Resized(picture, std::max(1, picture.width * kHeight / picture.height)));
   }
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, video::EncodeWebp(video::Joined(pictures), 75));

@@ -258,13 +258,23 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseFramesHaveExtentsThatDoNotFit) {
       {chunk, numbers(U32{3}, U32{10}, U32{8}, U32{3})},
       {chunk, numbers(U32{3}, U32{10}, U32{16}, U32{1})},
   };
+  const auto edit = [&](Bytes& bytes, const Bytes& from, const Bytes& to) {
+    const auto at = std::search(bytes.begin(), bytes.end(), from.begin(), from.end());
+    ASSERT_NE(at, bytes.end());
+    std::copy(to.begin(), to.end(), at);
+  };
   for (const auto& [from, to] : edits) {
     Bytes edited = file;
-    const auto at = std::search(edited.begin(), edited.end(), from.begin(), from.end());
-    ASSERT_NE(at, edited.end());
-    std::copy(to.begin(), to.end(), at);
+    edit(edited, from, to);
     AppendSeal(edited);
     EXPECT_THAT(DecodeEpisodeFile(edited), HasCode(Code::kCorrupt)) << testing::PrintToString(to);
+  }
+  for (const U32 width : {U32{0}, U32{1} << 31, UINT32_MAX}) {  // the same in both
+    Bytes edited = file;
+    edit(edited, extents, numbers(U64{10}, U64{24}, U64{width}, U64{3}));
+    edit(edited, chunk, numbers(U32{3}, U32{10}, width, U32{3}));
+    AppendSeal(edited);
+    EXPECT_THAT(DecodeEpisodeFile(edited), HasCode(Code::kCorrupt)) << width;
   }
   AppendSeal(file);
   EXPECT_THAT(DecodeEpisodeFile(file), IsOk());

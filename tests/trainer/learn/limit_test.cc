@@ -61,7 +61,7 @@ double SecondsOf(double later, RunLimit limit = RunLimit(0, 10), std::uint64_t f
 }
 
 TEST(RunLimit, KeepsTheMinutesOnAMachineThatGetsSlowerOrFaster) {
-  EXPECT_NEAR(SecondsOf(0.15), 600, 0.003 * 600) << "841 s by what was measured first";
+  EXPECT_NEAR(SecondsOf(0.15), 600, 0.003 * 600) << "850 s by what was measured first";
   EXPECT_NEAR(SecondsOf(0.07), 600, 0.003 * 600);
   EXPECT_NEAR(SecondsOf(0.12, RunLimit(0, 10), 4800), 600, 0.01 * 600) << "slower from the last fifth on: 624 s";
   EXPECT_LT(SecondsOf(0.07, RunLimit(3000, 10)), 0.5 * 600) << "the steps that were asked for stay the most";
@@ -101,6 +101,45 @@ TEST(RunLimit, OfAnEarlierProgramStaysAsItWasConverted) {
   for (std::uint64_t step = 200; step < 600; ++step)
     EXPECT_FALSE(limit.Observe(step, 9.0 * static_cast<double>(step), true));
   EXPECT_EQ(limit.steps(), 600u);
+}
+
+// One that looked at the quarters, and said from where it had been converted.
+TEST(RunLimit, OfAWhileAgoLooksOnlyWhereItWouldHave) {
+  const auto saved = [](int looks) {
+    return OrderedJson{{"asked_minutes", 10.0}, {"asked_steps", 0},    {"minutes", 0.0},
+                       {"steps", 6000},         {"anchor_step", 1000}, {"anchor_progress", 1.0 / 6},
+                       {"anchor_s", 100.0},     {"looks", looks},      {"steps_before", 0}};
+  };
+  RunLimit over(0, 10), under_way(0, 10);
+  ASSERT_TRUE(over.Restore(saved(3)));
+  ASSERT_TRUE(under_way.Restore(saved(1)));
+  for (std::uint64_t step = 4600; step < 6000; ++step)
+    EXPECT_FALSE(over.Observe(step, 0.2 * static_cast<double>(step), true));
+  EXPECT_EQ(over.steps(), 6000u);
+  EXPECT_TRUE(under_way.Observe(3000, 100 + 2000 * 0.15, true));
+  EXPECT_EQ(under_way.steps(), 3000u + 1333u) << "200 s are left, and a step took 0.15 s since it was converted";
+}
+
+TEST(RunLimit, AStepIsMeasuredSinceTheLastLookAlsoWhereThatChangedNothing) {
+  RunLimit limit(0, 10);
+  std::uint64_t step = 0;
+  for (; step <= 1500; ++step) limit.Observe(step, 0.1 * static_cast<double>(step), true);
+  ASSERT_EQ(limit.steps(), 6000u) << "as fast as it was measured";
+  double elapsed = 150;
+  for (; step < 3100; ++step) limit.Observe(step, elapsed += 0.11, true);
+  EXPECT_NEAR(static_cast<double>(limit.steps()), 3000 + (600 - 150 - 1500 * 0.11) / 0.11, 5);
+}
+
+// A look that waited for enough steps and is due with the last one: the run has as many as it did.
+TEST(RunLimit, TheLastStepIsTheLast) {
+  RunLimit limit(0, 10);
+  std::uint64_t step = 0;
+  double elapsed = 0;
+  while (limit.minutes() > 0) limit.Observe(step++, elapsed += 600.0 / 401, true);
+  while (limit.Progress(step, elapsed) < 1) limit.Observe(++step, elapsed += 1.3, true);
+  EXPECT_EQ(step, 400u);
+  EXPECT_EQ(limit.steps(), 400u);
+  EXPECT_FALSE(limit.Observe(step, elapsed, true));
 }
 
 TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
