@@ -17,18 +17,14 @@ constexpr std::size_t kMostBlock = 64 << 20;  // bytes of its streams, inflated
 constexpr int kMostFrames = 64;
 constexpr int kMostSide = 1 << 20;  // px: products of two do not overflow
 
-// Calls copy(offset in the block, offset in the frames, bytes) for each band of each of the first `frames` frames.
+// Calls copy(offset in the stream of a band, offset in the frames, bytes) for each of the first `frames` frames.
 template <class Copy>
-void ForEachPiece(const FrameLayout& layout, int frames, Copy copy) {
-  for (int band = 0; band < layout.bands(); ++band) {
-    const int first = band * layout.rows(), rows = std::min(layout.rows(), layout.height - first);
-    for (int frame = 0; frame < frames; ++frame)
-      copy(
-          layout.stream_bytes() * static_cast<std::size_t>(band) +
-              layout.band_bytes() * static_cast<std::size_t>(frame),
-          layout.frame_bytes() * static_cast<std::size_t>(frame) + layout.row_bytes() * static_cast<std::size_t>(first),
-          layout.row_bytes() * static_cast<std::size_t>(rows));
-  }
+void ForEachPiece(const FrameLayout& layout, int band, int frames, Copy copy) {
+  const int first = band * layout.rows(), rows = std::min(layout.rows(), layout.height - first);
+  for (int frame = 0; frame < frames; ++frame)
+    copy(layout.band_bytes() * static_cast<std::size_t>(frame),
+         layout.frame_bytes() * static_cast<std::size_t>(frame) + layout.row_bytes() * static_cast<std::size_t>(first),
+         layout.row_bytes() * static_cast<std::size_t>(rows));
 }
 
 }  // namespace
@@ -64,10 +60,14 @@ void FrameDeflater::Add(std::span<const std::uint8_t> frame) {
     return;
   }
   if (held_ == 0) block_.assign(layout_.stream_bytes() * static_cast<std::size_t>(layout_.bands()), 0);
-  const std::size_t band_before = layout_.band_bytes() * static_cast<std::size_t>(held_);
-  ForEachPiece(layout_, 1, [&](std::size_t in_block, std::size_t in_frame, std::size_t size) {
-    std::memcpy(block_.data() + in_block + band_before, frame.data() + in_frame, size);
-  });
+  const std::span<std::uint8_t> block = block_;
+  for (int band = 0; band < layout_.bands(); ++band) {
+    const auto place = block.subspan(layout_.stream_bytes() * static_cast<std::size_t>(band) +
+                                     layout_.band_bytes() * static_cast<std::size_t>(held_));
+    ForEachPiece(layout_, band, 1, [&](std::size_t in_stream, std::size_t in_frame, std::size_t size) {
+      std::memcpy(place.data() + in_stream, frame.data() + in_frame, size);
+    });
+  }
   if (++held_ == layout_.chunk.frames) DeflateBlock(held_);
 }
 
@@ -94,13 +94,14 @@ Status InflateBlock(const FrameLayout& layout, std::span<const std::span<const s
   ETUDE_CHECK(streams.size() == static_cast<std::size_t>(layout.bands()) && frames.size() == layout.block_bytes(),
               "{} streams, {} bytes", streams.size(), frames.size());
   if (layout.bands() == 1) return Inflate(streams[0], frames);
-  std::vector<std::uint8_t> block(layout.stream_bytes() * streams.size());
-  for (std::size_t band = 0; band < streams.size(); ++band)
-    ETUDE_RETURN_IF_ERROR(
-        Inflate(streams[band], std::span(block).subspan(layout.stream_bytes() * band, layout.stream_bytes())));
-  ForEachPiece(layout, layout.chunk.frames, [&](std::size_t in_block, std::size_t in_frames, std::size_t size) {
-    std::memcpy(frames.data() + in_frames, block.data() + in_block, size);
-  });
+  std::vector<std::uint8_t> stream(layout.stream_bytes());
+  for (int band = 0; band < layout.bands(); ++band) {
+    ETUDE_RETURN_IF_ERROR(Inflate(streams[static_cast<std::size_t>(band)], stream));
+    ForEachPiece(layout, band, layout.chunk.frames,
+                 [&](std::size_t in_stream, std::size_t in_frames, std::size_t size) {
+                   std::memcpy(frames.data() + in_frames, stream.data() + in_stream, size);
+                 });
+  }
   return {};
 }
 

@@ -47,12 +47,21 @@ struct FrameLayout {
     const auto of = static_cast<std::size_t>(chunk.frames);
     return frames / of + (frames % of != 0 ? 1 : 0);
   }
-  std::size_t streams(std::size_t frames) const { return blocks(frames) * static_cast<std::size_t>(bands()); }
+  std::size_t streams(std::size_t frames) const { return first_stream(blocks(frames)); }
+  std::size_t block_of(std::size_t frame) const { return frame / static_cast<std::size_t>(chunk.frames); }
+  std::size_t first_stream(std::size_t block) const { return block * static_cast<std::size_t>(bands()); }
+  /// Of the frames of its block, as InflateBlock gives them.
+  std::span<const std::uint8_t> FrameIn(std::span<const std::uint8_t> block, std::size_t frame) const {
+    return block.subspan(frame % static_cast<std::size_t>(chunk.frames) * frame_bytes(), frame_bytes());
+  }
 
   /// Whether a reader takes it: sides of at least 1, a chunk within the frame, and one frame, or at most 64 in streams
   /// of at most 64 MiB in all.
   bool IsGood() const;
 };
+
+/// What frames are written in.
+inline FrameLayout LayoutFor(int width, int height) { return {width, height, ChunkShapeFor(width, height)}; }
 
 struct DeflatedFrames {
   std::size_t count = 0;
@@ -87,5 +96,29 @@ class FrameDeflater {
 /// @error kCorrupt
 Status InflateBlock(const FrameLayout& layout, std::span<const std::span<const std::uint8_t>> streams,
                     std::span<std::uint8_t> frames);
+
+/// Frames in any order; those of the block that was asked for last are there already. Not thread-safe.
+class BlockCursor {
+ public:
+  explicit BlockCursor(const FrameLayout& layout) : layout_(layout) {}
+
+  const FrameLayout& layout() const { return layout_; }
+  /// RGB (height, width, 3); valid until the next call. `fill`(block, pixels) puts the frames of a block, one after the
+  /// other, into `pixels`, which it gives their size. @error that of `fill`
+  template <class Fill>
+  Result<std::span<const std::uint8_t>> Frame(std::size_t k, Fill fill) {
+    if (const std::size_t block = layout_.block_of(k); block != held_) {
+      held_ = SIZE_MAX;
+      ETUDE_RETURN_IF_ERROR(fill(block, pixels_));
+      held_ = block;
+    }
+    return layout_.FrameIn(pixels_, k);
+  }
+
+ private:
+  FrameLayout layout_;
+  std::size_t held_ = SIZE_MAX;  // the block that is in pixels_
+  std::vector<std::uint8_t> pixels_;
+};
 
 }  // namespace etude::codec

@@ -7,6 +7,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "services/codec/frames.h"
@@ -37,6 +38,11 @@ struct CameraTrack {
   std::vector<std::vector<std::uint8_t>> streams;  ///< layout().streams(FrameCount(...)) of them; none: not recorded
 
   codec::FrameLayout layout() const { return {camera.width, camera.height, chunk}; }
+  /// None leave it as it is: not recorded.
+  void Take(codec::DeflatedFrames frames) {
+    if (frames.count > 0) chunk = frames.chunk;
+    streams = std::move(frames.streams);
+  }
 };
 
 struct ObjectTrack {

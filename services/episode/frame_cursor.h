@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "services/core/result.h"
 #include "services/episode/episode.h"
@@ -25,10 +24,8 @@ class FrameCursor {
 
  private:
   const CameraTrack& track_;
-  codec::FrameLayout layout_;
+  codec::BlockCursor cursor_;
   std::size_t frames_;
-  std::size_t held_ = SIZE_MAX;  // the block that is in pixels_
-  std::vector<std::uint8_t> pixels_;
 };
 
 }  // namespace etude

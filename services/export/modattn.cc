@@ -358,14 +358,13 @@ class Importer {
     std::optional<codec::FrameDeflater> frames;
     for (std::size_t t = 0; t < steps; ++t) {
       ETUDE_ASSIGN_OR_RETURN(const cv::Mat picture, ReadPicture(folder / fmt::format("{}.png", t), width, height));
-      if (!frames) frames.emplace(codec::FrameLayout{width, height, codec::ChunkShapeFor(width, height)});
+      if (!frames) frames.emplace(codec::LayoutFor(width, height));
       frames->Add({picture.data, picture.total() * 3});
     }
     if (frames) {
-      auto deflated = frames->Finish();
+      codec::DeflatedFrames deflated = frames->Finish();
       ETUDE_CHECK(deflated.count == steps, "{} of {} steps", deflated.count, steps);
-      track.chunk = deflated.chunk;
-      track.streams = std::move(deflated.streams);
+      track.Take(std::move(deflated));
     }
     width_ = width;
     height_ = height;

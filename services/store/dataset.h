@@ -155,7 +155,8 @@ class DatasetReader {
 class FrameReader {
  public:
   /// `frames` must outlive it.
-  FrameReader(Path file, const StoredFrames& frames) : file_(std::move(file)), frames_(frames) {}
+  FrameReader(Path file, const StoredFrames& frames)
+      : file_(std::move(file)), frames_(frames), cursor_(frames.layout) {}
   FrameReader(Path file, StoredFrames&& frames) = delete;
 
   /// RGB (height, width, 3); valid until the next call. @pre k < frames.size(). @error kCorrupt, kNotFound
@@ -168,8 +169,7 @@ class FrameReader {
  private:
   const Path file_;
   const StoredFrames& frames_;
-  std::size_t held_ = SIZE_MAX;  // the block that is in pixels_
-  std::vector<std::uint8_t> pixels_;
+  codec::BlockCursor cursor_;
 };
 
 struct VerifyReport {

@@ -59,10 +59,10 @@ Result<std::vector<std::span<const std::uint8_t>>> ReadStreams(const Path& file,
 Status FrameReader::ReadBlock(const Path& file, const StoredFrames& frames, std::size_t block,
                               std::vector<std::uint8_t>& pixels) {
   const codec::FrameLayout& layout = frames.layout;
-  const auto bands = static_cast<std::size_t>(layout.bands());
   ETUDE_CHECK(block < layout.blocks(frames.count) && frames.streams.size() == layout.streams(frames.count),
               "block {} of {} frames", block, frames.count);
-  const auto streams = std::span(frames.streams).subspan(block * bands, bands);
+  const auto streams =
+      std::span(frames.streams).subspan(layout.first_stream(block), static_cast<std::size_t>(layout.bands()));
   for (const auto& [offset, size] : streams)
     if (size > codec::StreamBound(layout.stream_bytes()) || offset > kMaxOffset)
       return Fail(Code::kCorrupt, fmt::format("read '{}': a stream of {} bytes at {} for {} of pixels", file.string(),
@@ -77,14 +77,9 @@ Status FrameReader::ReadBlock(const Path& file, const StoredFrames& frames, std:
 
 Result<std::span<const std::uint8_t>> FrameReader::Read(std::size_t k) {
   ETUDE_CHECK(k < frames_.count, "{} of {}", k, frames_.count);
-  const auto of_block = static_cast<std::size_t>(frames_.layout.chunk.frames);
-  if (k / of_block != held_) {
-    held_ = SIZE_MAX;
-    ETUDE_RETURN_IF_ERROR(ReadBlock(file_, frames_, k / of_block, pixels_));
-    held_ = k / of_block;
-  }
-  const std::size_t size = frames_.layout.frame_bytes();
-  return std::span<const std::uint8_t>(pixels_).subspan(k % of_block * size, size);
+  return cursor_.Frame(k, [&](std::size_t block, std::vector<std::uint8_t>& pixels) {
+    return ReadBlock(file_, frames_, block, pixels);
+  });
 }
 
 }  // namespace etude::store

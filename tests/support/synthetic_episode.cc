@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <utility>
 
 #include "services/codec/frames.h"
 #include "services/core/check.h"
@@ -118,11 +117,6 @@ void Describe(Episode& episode, const CampaignSpec& spec, std::uint64_t index) {
   episode.details = {{"planner", "line"}, {"cost", 0.25 * static_cast<double>(index % 4)}};
 }
 
-void Take(codec::DeflatedFrames frames, CameraTrack& track) {
-  if (frames.count > 0) track.chunk = frames.chunk;
-  track.streams = std::move(frames.streams);
-}
-
 }  // namespace
 
 CampaignSpec SyntheticSpec(int width, int height) {
@@ -150,7 +144,7 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
   Describe(episode, spec, index);
   episode.cameras.push_back({CameraOf(spec, index), {}, {}});
   const Camera camera = episode.cameras[0].camera;
-  codec::FrameDeflater frames({camera.width, camera.height, codec::ChunkShapeFor(camera.width, camera.height)});
+  codec::FrameDeflater frames(codec::LayoutFor(camera.width, camera.height));
 
   std::vector<Vector3d> places = Places(spec.objects.size(), rng);
   const std::size_t target = rng.Below(spec.objects.size());
@@ -183,7 +177,7 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
     }
     if (t % spec.image_stride == 0) frames.Add(Draw(camera, std::move(discs)));
   }
-  Take(frames.Finish(), episode.cameras[0]);
+  episode.cameras[0].Take(frames.Finish());
   return episode;
 }
 
@@ -197,7 +191,7 @@ Episode Recut(Episode episode, codec::ChunkShape chunk) {
       ETUDE_CHECK(frame.has_value());
       frames.Add(*frame);
     }
-    Take(frames.Finish(), track);
+    track.Take(frames.Finish());
   }
   return episode;
 }

@@ -47,16 +47,16 @@ class FrameCache {
     std::vector<std::atomic<const std::uint8_t*>> pixels;
   };
   Slots& SlotsOf(const EpisodeEntry& entry) ETUDE_EXCLUDES(slots_mutex_);
-  std::uint8_t* Allocate() ETUDE_EXCLUDES(blocks_mutex_);
+  std::uint8_t* Allocate() ETUDE_EXCLUDES(slabs_mutex_);
   Status Keep(Slots& slots, std::size_t first, std::span<const std::uint8_t> block, const codec::FrameLayout& layout);
 
   Region region_;
   std::size_t max_bytes_;
   Mutex slots_mutex_;
   std::unordered_map<std::uint64_t, std::unique_ptr<Slots>> slots_ ETUDE_GUARDED_BY(slots_mutex_);
-  Mutex blocks_mutex_;
-  std::vector<std::unique_ptr<std::uint8_t[]>> blocks_ ETUDE_GUARDED_BY(blocks_mutex_);
-  std::size_t used_in_block_ ETUDE_GUARDED_BY(blocks_mutex_) = 0;
+  Mutex slabs_mutex_;
+  std::vector<std::unique_ptr<std::uint8_t[]>> slabs_ ETUDE_GUARDED_BY(slabs_mutex_);
+  std::size_t used_in_slab_ ETUDE_GUARDED_BY(slabs_mutex_) = 0;
   std::atomic<std::size_t> bytes_{0};
   std::atomic<std::uint64_t> hits_{0}, misses_{0};
 };

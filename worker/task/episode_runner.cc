@@ -45,8 +45,7 @@ EpisodeRunner::EpisodeRunner(const EpisodeParts& parts, const EpisodePlan& plan,
       plan_(plan),
       config_(config),
       judge_(std::move(judge)),
-      frames_({parts.renderer->camera().width, parts.renderer->camera().height,
-               codec::ChunkShapeFor(parts.renderer->camera().width, parts.renderer->camera().height)}) {
+      frames_(codec::LayoutFor(parts.renderer->camera().width, parts.renderer->camera().height)) {
   PrepareTracks();
 }
 
@@ -125,13 +124,11 @@ void EpisodeRunner::RecordFrame() {
 
 Episode EpisodeRunner::TakeEpisode() {
   const plan::Timer watch(times_.deflate);
-  auto [count, chunk, streams] = frames_.Finish();
-  if (count > 0) {
-    ETUDE_CHECK(static_cast<std::int64_t>(count) == FrameCount(steps(), episode_.image_stride), "{} of {} steps", count,
-                steps());
-    episode_.cameras[0].chunk = chunk;
-    episode_.cameras[0].streams = std::move(streams);
-  }
+  codec::DeflatedFrames frames = frames_.Finish();
+  ETUDE_CHECK(
+      frames.count == 0 || static_cast<std::int64_t>(frames.count) == FrameCount(steps(), episode_.image_stride),
+      "{} of {} steps", frames.count, steps());
+  episode_.cameras[0].Take(std::move(frames));
   return std::move(episode_);
 }
 
