@@ -8,31 +8,31 @@
 
 #include <cstdlib>
 #include <sstream>
-#include <string_view>
 
 namespace etude {
 namespace {
 
-constexpr std::string_view kHwcaps = "glibc.cpu.hwcaps=";
 // those of glibc 2.36 that libm's variants are chosen by
 constexpr const char* kMasked = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F";
-
-// `tunables` with our hwcaps in the place of others
-std::string TunablesWithMask(const std::string& tunables) {
-  std::string result = kMasked;
-  std::istringstream all(tunables);
-  for (std::string one; std::getline(all, one, ':');)
-    if (!one.empty() && !one.starts_with(kHwcaps)) result += ":" + one;
-  return result;
-}
 
 const char* ValueOf(const char* name) { return std::getenv(name); }
 
 }  // namespace
 
+std::string JoinTunables(const std::string& first, const std::string& second) {
+  std::string result = first;
+  std::istringstream all(second);
+  for (std::string one; std::getline(all, one, ':');) {
+    const std::string name = one.substr(0, one.find('=')) + "=";
+    const bool named = (":" + first).find(":" + name) != std::string::npos;
+    if (!one.empty() && !named) result += (result.empty() ? "" : ":") + one;
+  }
+  return result;
+}
+
 std::map<std::string, std::string> PinnedEnvironment(const char* (*value)(const char* name)) {
   const char* tunables = value("GLIBC_TUNABLES");
-  return {{"GLIBC_TUNABLES", TunablesWithMask(tunables ? tunables : "")},
+  return {{"GLIBC_TUNABLES", JoinTunables(kMasked, tunables ? tunables : "")},
           {"GALLIUM_OVERRIDE_CPU_CAPS", "avx"},
           {"LP_NATIVE_VECTOR_WIDTH", "256"}};
 }

@@ -8,6 +8,9 @@
 
 namespace etude {
 
+/// glibc's tunables `first`, then those of `second` that `first` does not name; lists as in GLIBC_TUNABLES.
+std::string JoinTunables(const std::string& first, const std::string& second);
+
 /// What a process needs in its environment so that episodes have the same bytes on every x86-64 CPU with AVX; given
 /// what is in it now. glibc's libm has variants of sin, exp, pow ... for FMA and AVX2 that round differently: they are
 /// masked, other tunables stay. llvmpipe's pictures differ between SSE2 and AVX: it gets AVX, 256 bits wide.

@@ -27,10 +27,13 @@ constexpr const char* kKeepMemory =
 }  // namespace
 
 void PrepareTorchProcess(char** argv) {
-  std::map<std::string, std::string> environment{{"OMP_WAIT_POLICY", "PASSIVE"}, {"GLIBC_TUNABLES", kKeepMemory}};
+  std::map<std::string, std::string> environment{{"OMP_WAIT_POLICY", "PASSIVE"}};
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
   if (HasAvx512()) environment["OPENBLAS_CORETYPE"] = "SkylakeX";
   std::erase_if(environment, [](const auto& variable) { return std::getenv(variable.first.c_str()) != nullptr; });
+  // what a user tunes holds, and ours beside it
+  const char* tunables = std::getenv("GLIBC_TUNABLES");
+  environment["GLIBC_TUNABLES"] = JoinTunables(tunables != nullptr ? tunables : "", kKeepMemory);
   StartAgainWith(environment, argv);  // where it cannot be started anew: slower, not wrong
 }
 

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a process that computes with torch is set up: threads, waiting, BLAS kernels. Includes no torch.
+// How a process that computes with torch is set up: memory, threads, waiting, BLAS kernels. Includes no torch.
 #pragma once
 
 #include <string>
 
 namespace etude::policy {
 
-/// Call first in main. Sets what OpenMP and OpenBLAS read only once, at load (passive waiting, one
-/// BLAS thread pool, AVX-512 kernels where the CPU has them but OpenBLAS does not know the model),
-/// unless the user has set it, and then starts this program again with the same arguments. Returns
-/// when all is set.
+/// Call first in main. Sets what the C library, OpenMP and OpenBLAS read only once, at load (freed memory is kept,
+/// passive waiting, one BLAS thread pool, AVX-512 kernels where the CPU has them but OpenBLAS does not know the model),
+/// unless the user has set it, and then starts this program again with the same arguments. Returns when all is set.
 void PrepareTorchProcess(char** argv);
 
 /// Number of threads inside an operation (0: as many as cores); denormals to zero. Call once, after

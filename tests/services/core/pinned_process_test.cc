@@ -7,6 +7,15 @@
 namespace etude {
 namespace pinned_process_test {
 
+TEST(JoinTunables, TheFirstHoldsWhereBothNameOne) {
+  EXPECT_EQ(JoinTunables("", "glibc.a.b=1:glibc.a.c=2"), "glibc.a.b=1:glibc.a.c=2");
+  EXPECT_EQ(JoinTunables("glibc.a.b=1", ""), "glibc.a.b=1");
+  EXPECT_EQ(JoinTunables("glibc.a.c=3:glibc.a.bc=4", "glibc.a.b=1:glibc.a.c=2"),
+            "glibc.a.c=3:glibc.a.bc=4:glibc.a.b=1");
+  const std::string joined = JoinTunables("glibc.a.c=3", "glibc.a.b=1:glibc.a.c=2");
+  EXPECT_EQ(JoinTunables(joined, "glibc.a.b=1:glibc.a.c=2"), joined) << "started again once, not for ever";
+}
+
 TEST(PinnedEnvironment, MasksTheVariantsOfLibmAndKeepsOtherTunables) {
   const auto none = PinnedEnvironment([](const char*) -> const char* { return nullptr; });
   EXPECT_EQ(none.at("GLIBC_TUNABLES"), "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F");
