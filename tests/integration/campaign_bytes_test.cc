@@ -99,15 +99,23 @@ class CampaignBytes : public testing::Test {
     while (!collector->progress().complete && MonotonicClock::now() < give_up) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2 + rng.Below(20)));
       if (kills == chaos.kills || collector->progress().committed < next_kill) continue;
-      Process& victim = workers[rng.Below(workers.size())];
+      const std::size_t chosen = rng.Below(workers.size());
+      Process& victim = workers[chosen];
       if (chaos.slots > 0) {
         const auto children = ChildrenOf(victim.pid());
         if (children.empty()) continue;
         ::kill(children[rng.Below(children.size())], SIGKILL);
       } else {
+        // the others stand still meanwhile: on a busy machine they would be done before the next kill
+        const auto signal_others = [&](int signal) {
+          for (std::size_t k = 0; k < workers.size(); ++k)
+            if (k != chosen) workers[k].Signal(signal);
+        };
+        signal_others(SIGSTOP);
         victim.Signal(SIGKILL);
         victim.Wait(5s);
         victim = StartWorker(dataset / "worker.log", chaos);
+        signal_others(SIGCONT);
       }
       ++kills;
       next_kill = collector->progress().committed + 1;
